@@ -1,0 +1,145 @@
+"""depth_assist: viewpoint selection, safe distances, approach. Equation numbers are the paper's."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from contracts.base import Metres, Unit, Wire
+from contracts.geometry import Box, Heading, Point3, PointLabel, Pose
+from contracts.images import DepthMap
+
+Positive = Annotated[float, Field(gt=0.0, le=10_000.0)]
+
+
+class ViewDepth(Wire):
+    """One camera's depth: 90 degrees across and down, pinhole."""
+
+    heading_deg: Heading
+    depth: DepthMap
+
+
+class ViewpointSettings(Wire):
+    """Free constants of eq. 4-6. `d_max_m` is where the search of `d_max` starts; each step without a valid split
+    raises it by `d_max_step_m` up to `d_max_limit_m`, and a valid split resets it."""
+
+    policy: Literal["paper", "random", "default"] = "paper"
+    direction: Literal["clockwise", "counterclockwise"] = "clockwise"
+    slices: int = Field(default=20, ge=4, le=200)
+    delta_m: Positive = 6.0
+    d_max_m: Positive = 25.0
+    d_max_step_m: Metres = 10.0
+    d_max_limit_m: Positive = 60.0
+    max_over: int = Field(default=2, ge=0, le=200)
+    sensor_range_m: Positive = 60.0
+
+
+class ViewpointQuestion(Wire):
+    """`building_box` crops the rows (its y-range only); `d_max_m` is the value that the last answer handed back, null
+    at the first step; `seed` serves the `random` policy."""
+
+    views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=5)
+    building_box: Box | None = None
+    settings: ViewpointSettings = ViewpointSettings()
+    d_max_m: Positive | None = None
+    seed: int = Field(default=0, ge=0, le=2**63 - 1)
+
+
+class Split(Wire):
+    """One candidate split after slice `j` (1..slices - 1, from the left), oriented as the search runs: `difference_m`
+    is open side minus facade side (eq. 4), `variance_m2` the sum of squared deviations within both parts (eq. 5),
+    `over` how many facade slices lie beyond d_max."""
+
+    j: int
+    difference_m: float
+    variance_m2: float
+    over: int
+    valid: bool
+
+
+class ViewScore(Wire):
+    """`slice_means_m` from the picture's left to its right, whatever the direction; null where no pixel was valid."""
+
+    heading_deg: Heading
+    slice_means_m: tuple[float | None, ...]
+    splits: tuple[Split, ...]
+    best_j: int | None
+
+
+class ViewpointAnswer(Wire):
+    """`reason`: `split` (eq. 6 chose), `no_split` (the default view, d_max raised for the next step), or the ablation
+    `random` / `default`. `d_max_next_m` goes into the next question."""
+
+    heading_deg: Heading
+    reason: Literal["split", "no_split", "random", "default"]
+    d_max_m: float
+    d_max_next_m: float
+    views: tuple[ViewScore, ...]
+
+
+class SafeDistanceSettings(Wire):
+    """`corridor`: the nearest return in the corridor that the drone's body would sweep, minus `clearance_m`, at most
+    `l_max_m`. `bare`: eq. 7 as printed, the one pixel's distance."""
+
+    variant: Literal["corridor", "bare"] = "corridor"
+    l_max_m: Positive = 10.0
+    drone_radius_m: Positive = 0.35
+    clearance_m: Metres = 1.5
+    sensor_range_m: Positive = 60.0
+
+
+class SafeDistancesQuestion(Wire):
+    view: ViewDepth
+    settings: SafeDistanceSettings = SafeDistanceSettings()
+
+
+class DirectionPoint(Wire):
+    """Point k of 5 at x = k/6 of the width, on the middle row. `bearing_deg` is relative to the nose, positive to the
+    right; `distance_m` how far one may fly along it; `nearest_return_m` what limits it, null if nothing does."""
+
+    label: PointLabel
+    x: Unit
+    y: Unit
+    bearing_deg: float
+    distance_m: Metres
+    nearest_return_m: float | None
+    corridor_half_width_m: float
+
+
+class SafeDistancesAnswer(Wire):
+    points: tuple[DirectionPoint, ...]
+
+
+class ApproachSettings(Wire):
+    """The drone stops `stop_distance_m` in front of the thing in the box (its centre to the facade's nearest return)
+    and keeps `clearance_m` beyond its own radius on the way."""
+
+    drone_radius_m: Positive = 0.35
+    clearance_m: Metres = 0.6
+    stop_distance_m: Positive = 2.0
+    sensor_range_m: Positive = 60.0
+
+
+class ApproachQuestion(Wire):
+    """`pose` is the drone's measured pose when the view was taken; `max_leg_m` caps the flight, so that a far target
+    is approached in several looks."""
+
+    view: ViewDepth
+    box: Box
+    pose: Pose
+    settings: ApproachSettings = ApproachSettings()
+    max_leg_m: Positive = 40.0
+
+
+class ApproachAnswer(Wire):
+    """`target`: the thing's place by depth. `facing_yaw`: towards the facade it stands at, along the facade's
+    estimated normal. `path`: waypoints in flying order, the last one `stop`. `reached`: the path ends at the final
+    stop rather than at a cut-off leg. `status` other than `clear` comes with an empty path."""
+
+    status: Literal["clear", "blocked", "no_depth"]
+    target: Point3 | None = None
+    facing_yaw: float | None = None
+    stop: Point3 | None = None
+    path: tuple[Point3, ...] = ()
+    reached: bool = False
+    target_distance_m: float | None = None
+    free_distance_m: float | None = None

@@ -1,0 +1,135 @@
+"""orchestrator: deliveries, their settings, their events, their results."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from contracts.base import Metres, Name, Wire
+from contracts.depth_assist import ApproachSettings, SafeDistanceSettings, ViewpointSettings
+from contracts.geometry import Pose
+from contracts.scene import Scene
+from contracts.sim import Flight, Verdict
+
+OutcomeName = Literal[
+    "delivered",
+    "wrong_window",
+    "not_in_front",
+    "collision",
+    "object_not_found",
+    "request_incomplete",
+    "request_unreadable",
+    "floor_not_found",
+    "answer_unreadable",
+    "blocked",
+    "model_unreachable",
+    "service_unreachable",
+    "cancelled",
+    "failed",
+]
+Phase = Literal["parse", "place", "floors", "explore", "approach", "claim", "done"]
+Positive = Annotated[float, Field(gt=0.0, le=1_000.0)]
+
+
+class MissionSettings(Wire):
+    """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role."""
+
+    floors: Literal["stepwise", "direct-count"] = "stepwise"
+    band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
+    choice: Literal["model", "centre"] = "model"
+    viewpoint: ViewpointSettings = ViewpointSettings()
+    safe_distances: SafeDistanceSettings = SafeDistanceSettings()
+    approach: ApproachSettings = ApproachSettings()
+    flight: Flight = Flight()
+    parser_model: Name | None = None
+    vision_model: Name | None = None
+    max_exploration_steps: int = Field(default=30, ge=1, le=200)
+    max_bands: int = Field(default=12, ge=1, le=50)
+    min_move_m: Metres = 1.0
+    fallback_turn_deg: float = Field(default=30.0, ge=1.0, le=180.0)
+    max_model_failures: int = Field(default=3, ge=0, le=20)
+    image_size: int = Field(default=800, ge=64, le=1600)
+    seed: int = Field(default=0, ge=0, le=2**31 - 1)
+
+
+class DeliveryQuestion(Wire):
+    """Bring it there: `request` in the customer's words, in `scene` or at a shipped `sample` (whose own request is
+    used if none is given)."""
+
+    request: str | None = Field(default=None, min_length=1, max_length=4000)
+    scene: Scene | None = None
+    sample: Name | None = None
+    backend: Name | None = None
+    settings: MissionSettings = MissionSettings()
+
+
+class ModelCalls(Wire):
+    """Counts of one role's model calls, by what the cache did and how they ended."""
+
+    calls: int = 0
+    cache_hits: int = 0
+    unreadable: int = 0
+    refused: int = 0
+    unreachable: int = 0
+    prompt_tokens: int = 0
+    completion_tokens: int = 0
+    seconds: float = 0.0
+
+
+class DeliveryResult(Wire):
+    """How a delivery ended. `steps` counts every stop with a model query; `timings_s` is wall time by part."""
+
+    outcome: OutcomeName
+    message: str
+    steps: int
+    exploration_steps: int
+    path_m: float
+    path_horizontal_m: float
+    flight_s: float
+    floor: int | None
+    object: str | None
+    final_height_m: float | None
+    pose: Pose | None
+    verdict: Verdict | None
+    timings_s: dict[str, float]
+    model_calls: dict[str, ModelCalls]
+    renderer: str | None
+
+
+class Delivery(Wire):
+    """One delivery as it stands. `result` is null until `status` is `done`."""
+
+    id: Name
+    status: Literal["waiting", "flying", "done"]
+    phase: Phase
+    request: str
+    scene: str
+    created: str
+    folder: str | None
+    result: DeliveryResult | None = None
+
+
+class DeliveryList(Wire):
+    deliveries: tuple[Delivery, ...]
+
+
+class Event(Wire):
+    """One line of a delivery's record, and one server-sent event. `number` counts from 1 without gaps; `kind` says
+    what `data` holds; `pictures` are file names in the delivery's folder."""
+
+    number: int
+    time_s: float
+    phase: Phase
+    kind: str
+    message: str
+    data: dict[str, Any] = {}
+    pictures: tuple[str, ...] = ()
+
+
+class Sample(Wire):
+    """A delivery that ships with the project."""
+
+    name: Name
+    title: str
+    difficulty: Literal["easy", "moderate", "hard"]
+    request: str
+    scene: Scene

@@ -1,0 +1,169 @@
+"""sim: episodes, observations, moves, the judging of a claim, and, where switched on, the truth."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from contracts.base import Name, Wire
+from contracts.geometry import Box, Heading, Point3, Pose
+from contracts.images import DepthMap, JpegImage
+from contracts.scene import Scene
+
+Renderer = Literal["moderngl", "tiny"]
+
+
+class Flight(Wire):
+    """How the drone flies: a sphere of `radius_m` on a path with bounded speed, acceleration and yaw rate."""
+
+    radius_m: float = Field(default=0.35, gt=0.05, le=1.0)
+    max_speed_m_s: float = Field(default=4.0, gt=0.1, le=20.0)
+    max_acceleration_m_s2: float = Field(default=2.5, gt=0.1, le=20.0)
+    max_yaw_rate_rad_s: float = Field(default=1.5, gt=0.1, le=10.0)
+
+
+class EpisodeQuestion(Wire):
+    scene: Scene
+    flight: Flight = Flight()
+
+
+class Episode(Wire):
+    """`status`: `flying` until a claim ends it (`claimed`). `collided` never goes back to false."""
+
+    id: Name
+    status: Literal["flying", "claimed"]
+    scene: str
+    pose: Pose
+    moves: int
+    path_m: float
+    path_horizontal_m: float
+    flight_s: float
+    collided: bool
+    renderer: Renderer
+    renderer_detail: str
+    flight: Flight
+    expires_in_s: float
+
+
+class Camera(Wire):
+    """A pinhole: focal length in pixels, pixel centres at +0.5, depth along the optical axis."""
+
+    width: int
+    height: int
+    fov_deg: float = 90.0
+    focal_px: float
+
+
+class SensedView(Wire):
+    heading_deg: Heading
+    image: JpegImage
+    depth: DepthMap | None = None
+
+
+class Observation(Wire):
+    """All views of one moment. `number` counts observations of the episode; `render_s` and `encode_s` are wall time."""
+
+    episode: Name
+    number: int
+    pose: Pose
+    camera: Camera
+    views: tuple[SensedView, ...]
+    renderer: Renderer
+    render_s: float
+    encode_s: float
+
+
+class Move(Wire):
+    """Fly along `path` (straight legs from where the drone is), then turn to `yaw` (radians); without `yaw` the drone
+    ends facing the direction of its last horizontal travel. An empty path only turns."""
+
+    path: tuple[Point3, ...] = Field(default=(), max_length=64)
+    yaw: float | None = Field(default=None, ge=-1000, le=1000)
+
+
+class MoveResult(Wire):
+    """What came of move `number`: `reached` is false when something stopped the drone at `pose`."""
+
+    number: int
+    pose: Pose
+    reached: bool
+    collided: bool
+    hit: str | None
+    path_m: float
+    flight_s: float
+    episode: Episode
+
+
+class Claim(Wire):
+    """The mission says: this is the window. Ends the episode, so nothing can be learnt by trying. `target` is where
+    the mission believes the object to be."""
+
+    target: Point3 | None = None
+
+
+class Verdict(Wire):
+    """`delivered` is the design's success: the right window, within 3 m of its centre, in front of it, in clear sight,
+    never collided. `judged` is false for a scene without a goal: then only the stop in front of a window is checked."""
+
+    judged: bool
+    delivered: bool
+    right_window: bool | None
+    distance_m: float | None
+    in_front: bool
+    line_of_sight: bool
+    collided: bool
+    episode: Episode
+
+
+class TruthQuestion(Wire):
+    """For the `oracle` back end only; the route exists only where the truth is switched on. `candidates` are places
+    whose remaining way to the goal is wanted."""
+
+    views: tuple[Heading, ...] = Field(default=(-90, -45, 0, 45, 90), min_length=1, max_length=5)
+    size: int = Field(default=800, ge=64, le=1600)
+    candidates: tuple[Point3, ...] = Field(default=(), max_length=16)
+
+
+class VisibleObject(Wire):
+    """An object's visible pixels in one view; `share` is how much of its outline is not hidden or cut off."""
+
+    id: str
+    kind: str
+    colour: str
+    goal: bool
+    box: Box
+    pixels: int
+    share: float
+    distance_m: float
+
+
+class TruthView(Wire):
+    heading_deg: Heading
+    objects: tuple[VisibleObject, ...]
+    building_box: Box | None
+    floors_visible: int
+    floor_rows: tuple[float, ...]
+
+
+class Truth(Wire):
+    """`remaining_m` is the shortest collision-free way from each candidate to the goal's window; null if there
+    is none."""
+
+    pose: Pose
+    views: tuple[TruthView, ...]
+    remaining_m: tuple[float | None, ...]
+
+
+class CatalogueEntry(Wire):
+    """One class of object: its category, the colours it comes in, what people call it, where it can be put."""
+
+    kind: Name
+    category: Literal["tools", "containers", "household", "food", "furniture", "posters", "toys", "ornaments"]
+    phrase: str
+    synonyms: tuple[str, ...]
+    colours: tuple[str, ...]
+    places: tuple[Literal["sill", "balcony", "wall", "pane", "hang", "free"], ...]
+    size_m: tuple[float, float, float]
+
+
+class Catalogue(Wire):
+    entries: tuple[CatalogueEntry, ...]

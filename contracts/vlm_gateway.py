@@ -1,0 +1,126 @@
+"""vlm_gateway: the four typed vision questions.
+
+Three different things can go wrong and are never mixed: the model says no (`answered`, with `found` false or a null
+box), its answer can't be read (`unreadable`, or `refused` where it declined), or it can't be reached (an error with
+code `model_unreachable`, `model_timeout` or `model_overloaded`, or `not_recorded` in replay mode; no answer at all).
+"""
+
+from typing import Literal
+
+from pydantic import Field
+
+from contracts.base import Metres, Name, Unit, Wire
+from contracts.geometry import Box, Heading, PointLabel
+from contracts.images import JpegImage
+
+Role = Literal["parser", "floors", "recognition", "choice"]
+Outcome = Literal["answered", "unreadable", "refused"]
+CacheResult = Literal["hit", "miss", "off"]
+
+
+class Question(Wire):
+    """`model` names an alias of the gateway's configuration; without it the role's default answers.
+    `oracle_episode` names the simulator's episode; only the `oracle` back end reads it, and it is no part of what
+    any other model sees."""
+
+    model: Name | None = None
+    oracle_episode: Name | None = None
+
+
+class Tokens(Wire):
+    prompt: int = Field(default=0, ge=0)
+    completion: int = Field(default=0, ge=0)
+
+
+class Answer(Wire):
+    """What every answer carries beside its content. `text` is the model's own words, where it has any."""
+
+    outcome: Outcome
+    role: Role
+    backend: Literal["embedded", "chat", "oracle", "scripted"]
+    model: str
+    cache: CacheResult = "off"
+    latency_s: float = Field(default=0.0, ge=0.0)
+    attempts: int = Field(default=1, ge=0)
+    tokens: Tokens = Tokens()
+    text: str | None = Field(default=None, max_length=20_000)
+
+
+class View(Wire):
+    """One camera's picture."""
+
+    heading_deg: Heading
+    image: JpegImage
+
+
+class FloorCountQuestion(Question):
+    """How many floors of the building ahead are visible? A floor counts when the middle of its row of windows lies
+    inside the picture."""
+
+    image: JpegImage
+
+
+class FloorCountAnswer(Answer):
+    """`rows` are the heights of the visible floors' window rows, 0..1 from the top, topmost first, where the model
+    gives them."""
+
+    floors: int | None = Field(default=None, ge=0, le=100)
+    rows: tuple[Unit, ...] | None = Field(default=None, max_length=100)
+
+
+class BuildingBoxQuestion(Question):
+    """Where in the picture is the building straight ahead?"""
+
+    image: JpegImage
+
+
+class BuildingBoxAnswer(Answer):
+    """`box` is null when the model sees no building."""
+
+    box: Box | None = None
+
+
+class FindObjectQuestion(Question):
+    """Is this object visible in any of the views, and where? `object` is a noun phrase."""
+
+    object: str = Field(min_length=1, max_length=200)
+    views: tuple[View, ...] = Field(min_length=1, max_length=5)
+
+
+class Match(Wire):
+    """One place where the model sees the object; `confidence` is 1 where a model gives none."""
+
+    heading_deg: Heading
+    box: Box
+    confidence: Unit = 1.0
+
+
+class FindObjectAnswer(Answer):
+    """`found` is null unless the outcome is `answered`; `matches` are the most confident first."""
+
+    found: bool | None = None
+    matches: tuple[Match, ...] = Field(default=(), max_length=25)
+
+
+class MarkedPoint(Wire):
+    """One of the points marked in the picture, at (x, y) of its width and height, and how far one may safely fly
+    towards it."""
+
+    label: PointLabel
+    x: Unit
+    y: Unit
+    distance_m: Metres
+
+
+class ChooseDirectionQuestion(Question):
+    """Towards which of the marked points should the drone fly to go on searching round the building? `image` already
+    carries the marks."""
+
+    heading_deg: Heading
+    image: JpegImage
+    points: tuple[MarkedPoint, ...] = Field(min_length=1, max_length=5)
+    task: str = Field(min_length=1, max_length=1000)
+
+
+class ChooseDirectionAnswer(Answer):
+    label: PointLabel | None = None

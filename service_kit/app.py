@@ -1,0 +1,87 @@
+"""The factory that every service is built with: limits, one error shape, health, metrics."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import AbstractAsyncContextManager
+
+from fastapi import FastAPI
+from fastapi.responses import Response
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from pydantic import BaseModel
+
+from service_kit.auth import BearerAuth
+from service_kit.errors import Unavailable, install_error_renderer
+from service_kit.limits import BodyLimit
+from service_kit.metrics import HttpMetrics, MetricsMiddleware
+
+Check = Callable[[], Awaitable[str | None]]
+"""A readiness check: null when all is well, else what is wrong (no secrets)."""
+
+CHECK_TIMEOUT_S = 2.0
+
+
+class Health(BaseModel):
+    status: str
+    service: str
+    checks: dict[str, str] = {}
+
+
+def create_app(
+    service: str,
+    *,
+    version: str = "0.1.0",
+    max_body_bytes: int,
+    checks: Mapping[str, Check] | None = None,
+    token: str | None = None,
+    metrics: HttpMetrics | None = None,
+    lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
+) -> FastAPI:
+    """A FastAPI app with `/healthz`, `/readyz`, `/metrics`, bounded bodies and our error shape.
+
+    `checks` are asked, each for at most 2 s, by `/readyz`; `token` puts a bearer token in front of all but health.
+    """
+    app = FastAPI(title=f"LogisticsVLN {service}", version=version, lifespan=lifespan)
+    figures = metrics or HttpMetrics()
+    app.state.metrics = figures
+    install_error_renderer(app)
+    app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
+    if token:
+        app.add_middleware(BearerAuth, token=token)
+    app.add_middleware(MetricsMiddleware, metrics=figures)
+
+    @app.get("/healthz", tags=["health"])
+    async def healthz() -> Health:
+        """Alive."""
+        return Health(status="ok", service=service)
+
+    @app.get("/readyz", tags=["health"])
+    async def readyz() -> Health:
+        """Everything this service needs answers; 503 with the reasons where it doesn't."""
+        named = dict(checks or {})
+        found = await asyncio.gather(*(_ask(check) for check in named.values()))
+        states = {name: problem or "ok" for name, problem in zip(named, found, strict=True)}
+        if any(found):
+            bad = "; ".join(f"{name}: {state}" for name, state in states.items() if state != "ok")
+            raise Unavailable(f"{service} is not ready: {bad}", code="not_ready", details={"checks": states})
+        return Health(status="ready", service=service, checks=states)
+
+    @app.get("/metrics", tags=["health"], response_class=Response)
+    async def metrics_page() -> Response:
+        """Prometheus' text format."""
+        return Response(generate_latest(figures.registry), media_type=CONTENT_TYPE_LATEST)
+
+    return app
+
+
+async def _ask(check: Check) -> str | None:
+    try:
+        return await asyncio.wait_for(check(), CHECK_TIMEOUT_S)
+    except TimeoutError:
+        return f"no answer within {CHECK_TIMEOUT_S:g} s"
+    except Exception as error:
+        return type(error).__name__
+
+
+def json_response(message: BaseModel, status: int = 200) -> Response:
+    """A message straight to JSON bytes, without the framework's second validation: for large answers."""
+    return Response(message.model_dump_json(), status_code=status, media_type="application/json")

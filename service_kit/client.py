@@ -1,0 +1,141 @@
+"""How one service calls another: typed in, typed out, always with a deadline.
+
+CallError
+  Unreachable     nobody answered, or not in time
+  Refused         the service answered with an error: its status, code and message
+  Garbled         the service answered something that is not its contract
+"""
+
+import json
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import aiohttp
+from pydantic import BaseModel, ValidationError
+
+from contracts.errors import ErrorBody
+from service_kit.settings import without_password
+
+M = TypeVar("M", bound=BaseModel)
+
+
+class CallError(Exception):
+    """A call to a service that brought no answer of its contract."""
+
+    def __init__(self, service: str, message: str) -> None:
+        super().__init__(f"{service}: {message}")
+        self.service = service
+        self.message = message
+
+
+class Unreachable(CallError):
+    """Nobody answered, or not in time."""
+
+
+class Garbled(CallError):
+    """An answer that is not of the contract."""
+
+
+class Refused(CallError):
+    """The service's own error."""
+
+    def __init__(self, service: str, status: int, code: str, message: str, details: dict[str, Any]) -> None:
+        super().__init__(service, f"{message} ({status} {code})")
+        self.status = status
+        self.code = code
+        self.reason = message
+        self.details = details
+
+
+class ServiceClient:
+    """One service at one address. Use as an async context manager, or `close` it."""
+
+    def __init__(self, service: str, url: str, *, timeout_s: float = 30.0, token: str | None = None) -> None:
+        self._service = service
+        self._url = url.rstrip("/")
+        self._timeout_s = timeout_s
+        self._headers = {"Authorization": f"Bearer {token}"} if token else {}
+        self._session: aiohttp.ClientSession | None = None
+
+    @property
+    def service(self) -> str:
+        return self._service
+
+    @property
+    def url(self) -> str:
+        """The address without credentials, fit to be shown."""
+        return without_password(self._url)
+
+    async def call(
+        self,
+        method: str,
+        path: str,
+        answer: type[M],
+        question: BaseModel | None = None,
+        *,
+        params: dict[str, str] | None = None,
+        timeout_s: float | None = None,
+    ) -> M:
+        """One call. Raises Unreachable, Refused or Garbled; never another error of the network's."""
+        body = None if question is None else question.model_dump_json().encode()
+        status, data = await self._exchange(method, path, body, params, timeout_s or self._timeout_s)
+        if status >= 400:
+            raise self._refused(status, data)
+        try:
+            return answer.model_validate_json(data)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = ".".join(str(part) for part in first["loc"]) or "body"
+            message = f"answered {method} {path} with something else than {answer.__name__}: {where}: {first['msg']}"
+            raise Garbled(self._service, message) from None
+
+    async def delete(self, path: str) -> None:
+        """DELETE, with nothing in return. Raises Unreachable or Refused."""
+        status, data = await self._exchange("DELETE", path, None, None, self._timeout_s)
+        if status >= 400:
+            raise self._refused(status, data)
+
+    async def ready(self, timeout_s: float = 2.0) -> str | None:
+        """Null when `/readyz` says so, else what is wrong."""
+        try:
+            status, data = await self._exchange("GET", "/readyz", None, None, timeout_s)
+        except Unreachable as error:
+            return error.message
+        return None if status == 200 else self._refused(status, data).reason
+
+    async def close(self) -> None:
+        if self._session is not None:
+            await self._session.close()
+            self._session = None
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    async def _exchange(
+        self, method: str, path: str, body: bytes | None, params: dict[str, str] | None, timeout_s: float
+    ) -> tuple[int, bytes]:
+        if self._session is None:
+            self._session = aiohttp.ClientSession(headers=self._headers, trust_env=False)
+        headers = {"Content-Type": "application/json"} if body is not None else None
+        limit = aiohttp.ClientTimeout(total=timeout_s)
+        try:
+            async with self._session.request(
+                method, self._url + path, data=body, params=params, headers=headers, timeout=limit
+            ) as response:
+                return response.status, await response.read()
+        except TimeoutError:
+            raise Unreachable(self._service, f"no answer from {self.url} within {timeout_s:g} s") from None
+        except (aiohttp.ClientError, OSError) as error:
+            raise Unreachable(self._service, f"can't reach {self.url} ({type(error).__name__})") from None
+
+    def _refused(self, status: int, data: bytes) -> Refused:
+        try:
+            error = ErrorBody.model_validate(json.loads(data)).error
+        except (ValueError, ValidationError):
+            return Refused(self._service, status, "http_error", "answered an error without our error body", {})
+        return Refused(self._service, status, error.code, error.message, error.details)

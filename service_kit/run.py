@@ -1,0 +1,48 @@
+"""Run one service as a process: JSON log lines, graceful stop on SIGTERM."""
+
+import json
+import logging
+import sys
+import time
+
+import uvicorn
+from fastapi import FastAPI
+
+from service_kit.settings import Settings
+
+
+class JsonLines(logging.Formatter):
+    """One JSON object a line, for log collectors."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        line = {
+            "time": time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created)) + f".{int(record.msecs):03d}Z",
+            "level": record.levelname.lower(),
+            "logger": record.name,
+            "message": record.getMessage(),
+        }
+        if record.exc_info:
+            line["trace"] = self.formatException(record.exc_info)
+        return json.dumps(line, ensure_ascii=False)
+
+
+def set_up_logging(level: str) -> None:
+    """Log lines go to standard error."""
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(JsonLines())
+    logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
+
+
+def run(app: FastAPI, settings: Settings, default_port: int) -> None:
+    """Serve until SIGTERM or SIGINT. `HOST`, `PORT` and `LOG_LEVEL` come from the settings."""
+    set_up_logging(settings.choice("LOG_LEVEL", "warning", ("debug", "info", "warning", "error")))
+    uvicorn.run(
+        app,
+        host=settings.text("HOST", "127.0.0.1") or "127.0.0.1",
+        port=settings.integer("PORT", default_port, 1, 65535),
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=5,
+        timeout_keep_alive=30,
+    )
