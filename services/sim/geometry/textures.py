@@ -1,0 +1,72 @@
+"""Texture layers: what surfaces are made of, drawn by rule and seed, and the pictures that the catalogue brings.
+
+A `TextureSet` maps names to layers of one texture array. `tile_m` says how many metres one repeat spans: mesh
+coordinates `uv` are metres along the surface, divided by `tile_m` when a scene is uploaded; pictures have
+`tile_m = 1`, so their uv is simply 0..1.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from services.sim.geometry.patterns import PATTERNS
+
+SIZE = 512
+"""Pixels of a layer's side."""
+
+Picture = NDArray[np.uint8]
+Painter = Callable[[int], Picture]
+
+
+class UnknownTexture(KeyError):
+    """There is no layer of that name; the message lists those there are."""
+
+
+@dataclass(frozen=True, eq=False)
+class TextureSet:
+    """images: (L, SIZE, SIZE, 3) uint8 sRGB, the top row first; tile_m: (L,) metres that one repeat spans."""
+
+    names: tuple[str, ...]
+    images: NDArray[np.uint8]
+    tile_m: NDArray[np.float32]
+    _index: Mapping[str, int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_index", {name: i for i, name in enumerate(self.names)})
+
+    def layer(self, name: str) -> int:
+        """The layer's index. Raises UnknownTexture."""
+        try:
+            return self._index[name]
+        except KeyError:
+            raise UnknownTexture(f"there is no texture {name!r}; there are {', '.join(self.names)}") from None
+
+    def with_pictures(self, pictures: Sequence[tuple[str, Picture]]) -> "TextureSet":
+        """More layers, after those there are: (name, (H, W, 3) uint8 sRGB), spread over uv 0..1."""
+        if not pictures:
+            return self
+        names = tuple(name for name, _ in pictures)
+        twice = sorted((set(names) & set(self.names)) | {n for n in names if names.count(n) > 1})
+        if twice:
+            raise ValueError(f"texture names must be unique: {', '.join(twice)}")
+        added = np.stack([cv2.resize(p, (SIZE, SIZE), interpolation=cv2.INTER_AREA) for _, p in pictures])
+        return TextureSet(
+            self.names + names,
+            np.concatenate([self.images, added.astype(np.uint8)]),
+            np.concatenate([self.tile_m, np.ones(len(names), np.float32)]),
+        )
+
+
+@cache
+def base_textures() -> TextureSet:
+    """The layers every scene has; layer 0 is `plain` (white)."""
+    names = tuple(PATTERNS)
+    return TextureSet(
+        names,
+        np.stack([PATTERNS[n].paint(SIZE) for n in names]),
+        np.array([PATTERNS[n].tile_m for n in names], np.float32),
+    )
