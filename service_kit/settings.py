@@ -61,7 +61,7 @@ class Settings:
         except ValueError:
             number = float("nan")
         if not low <= number <= high:
-            raise BadSetting(f"{name}={value}: give a number from {low} to {high}")
+            raise BadSetting(f"{name}={value}: give a number from {low:g} to {high:g}")
         return number
 
 

@@ -1,0 +1,60 @@
+# `make help` lists what there is. Every target sets up what it needs.
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+UV_VERSION := 0.13.9
+PYTHON := $(shell for p in python3.11 python3.12 python3; do command -v $$p 2>/dev/null && break; done)
+BIN := .venv/bin
+SAMPLE ?= green-flower-pot
+BACKEND ?= embedded
+export PYTHONUNBUFFERED := 1
+
+.PHONY: help setup demo test test-slow check format load bench-sim docs compose-check clean
+
+help:  ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
+
+setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (system packages included)
+
+.venv/.ready: pyproject.toml uv.lock scripts/system_packages.sh
+	@test -n "$(PYTHON)" || { echo "no python3 found: install Debian's python3 (3.11 or 3.12)" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if (3, 11) <= v[:2] <= (3, 12) else "Python 3.11 or 3.12 is needed; $(PYTHON) is %d.%d" % v[:2])'
+	@scripts/system_packages.sh "python3-venv=$(PYTHON) -m ensurepip --version"
+	@scripts/system_packages.sh --optional \
+	  "libegl1=ldconfig -p | grep -q libEGL.so.1 || /sbin/ldconfig -p | grep libEGL.so.1" \
+	  "libgl1=ldconfig -p | grep -q 'libGL.so.1 ' || /sbin/ldconfig -p | grep 'libGL.so.1 '" \
+	  "libgl1-mesa-dri=ls /usr/lib/*/dri/*swrast*.so"
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+	@$(BIN)/uv sync --quiet --frozen --extra all --python $(BIN)/python
+	@touch $@
+
+demo: setup  ## fly one delivery with a live view: make demo [SAMPLE=name] [BACKEND=embedded|oracle]
+	@$(BIN)/logisticsvln deliver --sample $(SAMPLE) --backend $(BACKEND)
+
+test: setup .venv/.redis  ## run the tests (a redis-server of its own included)
+	@$(BIN)/python -m pytest
+
+test-slow: setup .venv/.redis  ## the tests that take minutes
+	@$(BIN)/python -m pytest -m slow --timeout 1800
+
+.venv/.redis: | setup
+	@scripts/system_packages.sh "redis-server=command -v redis-server"
+	@touch $@
+
+check: setup  ## lint, format, strict types
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/mypy
+
+format: setup  ## put the code into the house format
+	@$(BIN)/ruff check --fix-only .
+	@$(BIN)/ruff format .
+
+load: setup .venv/.redis  ## drive every service at its real payloads: requests/s, p50/p95/p99 per route
+	@$(BIN)/python -m tests.load.run
+
+bench-sim: setup  ## five views against PyBullet's TinyRenderer, in process and over HTTP
+	@$(BIN)/python -m tests.load.bench_sim
+
+clean:  ## remove what the build left (not your runs)
+	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist
