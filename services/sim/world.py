@@ -1,0 +1,206 @@
+"""The solid world of one episode in PyBullet: what the drone can touch and what a line of sight can hit.
+
+Every world has a physics client of its own, so episodes can't see each other. Everything in it stands still; the
+drone is a sphere that is put where a question is asked. Metres, ENU.
+"""
+
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.sim.kinematics import Vector
+
+
+@contextlib.contextmanager
+def _quiet_stdout() -> Iterator[None]:
+    """PyBullet prints its build time from C when it is imported, into whatever a program prints as its result."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        os.dup2(2, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+
+
+with _quiet_stdout():
+    import pybullet
+
+TOUCH_M = 0.002
+"""Nearer than this is a contact."""
+REACH_M = 1.5
+"""How far one query looks; the sweep never advances further than this without asking again."""
+GROUND = "ground"
+EDGE = "edge-of-the-world"
+CEILING_ABOVE_ROOFS_M = 60.0
+_FACES_PER_BODY = 20_000
+
+
+class Solid(NamedTuple):
+    """A named closed shape: corners (N, 3) in metres, faces (M, 3) indices into them."""
+
+    name: str
+    positions: NDArray[np.float32]
+    faces: NDArray[np.uint32]
+
+
+class Contact(NamedTuple):
+    """How near the sphere is to one triangle of a solid; `normal` points from the solid to the drone."""
+
+    name: str
+    clearance_m: float
+    normal: Vector
+
+
+class Sweep(NamedTuple):
+    """How far the sphere came along a straight line, and what stopped it (null: nothing did)."""
+
+    free_m: float
+    hit: str | None
+
+
+class _Piece(NamedTuple):
+    name: str
+    vertices: list[list[float]]
+    indices: list[int]
+
+
+class Blueprint:
+    """A scene's solids in the form PyBullet takes, made once and built into as many worlds as there are episodes.
+
+    `half_size_m` is where the world ends, east, west, north and south of the origin; `roof_m` the highest roof.
+    """
+
+    def __init__(self, solids: Sequence[Solid], half_size_m: float, roof_m: float) -> None:
+        self.half_size_m = half_size_m
+        self.ceiling_m = roof_m + CEILING_ABOVE_ROOFS_M
+        self.pieces = [piece for solid in solids for piece in _pieces(solid)]
+
+    @property
+    def triangles(self) -> int:
+        return sum(len(piece.indices) // 3 for piece in self.pieces)
+
+
+class World:
+    """One physics client with a scene's solids and the drone's sphere. Call `close` when done; not thread-safe."""
+
+    def __init__(self, blueprint: Blueprint, radius_m: float) -> None:
+        self.radius_m = radius_m
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+        if self._client < 0:
+            raise RuntimeError("PyBullet has no physics client left")
+        self._names: dict[int, str] = {}
+        try:
+            self._build(blueprint)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Gives the physics client back; a second call does nothing."""
+        if self._client >= 0:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    def contacts(self, position: Vector, reach_m: float) -> list[Contact]:
+        """Everything whose surface is within `reach_m` of the sphere's surface, were it at `position`; negative
+        clearances are overlaps."""
+        client = self._client
+        pybullet.resetBasePositionAndOrientation(self._drone, position, (0, 0, 0, 1), physicsClientId=client)
+        grown = self.radius_m + reach_m
+        low, high = [c - grown for c in position], [c + grown for c in position]
+        near = pybullet.getOverlappingObjects(low, high, physicsClientId=client) or ()
+        found = []
+        for body in sorted({body for body, _ in near} - {self._drone}):
+            for point in pybullet.getClosestPoints(self._drone, body, reach_m, physicsClientId=client):
+                found.append(Contact(self._names[body], float(point[8]), tuple(point[7])))
+        return found
+
+    def clearance_m(self, position: Vector, reach_m: float = REACH_M) -> float:
+        """Metres between the sphere's surface at `position` and the nearest solid, at most `reach_m`."""
+        return min((c.clearance_m for c in self.contacts(position, reach_m)), default=reach_m)
+
+    def touching(self, position: Vector) -> str | None:
+        """The name of what the sphere touches at `position`, if anything."""
+        near = [c for c in self.contacts(position, TOUCH_M) if c.clearance_m < TOUCH_M]
+        return min(near, key=lambda c: c.clearance_m).name if near else None
+
+    def sweep(self, start: Vector, end: Vector) -> Sweep:
+        """Moves the sphere along the straight line until it touches something.
+
+        Conservative advancement: with a clearance of c no motion of less than c can touch anything, so nothing,
+        however thin, is jumped over. Something touched from the start stops only a motion towards it.
+        """
+        length = math.dist(start, end)
+        if length == 0.0:
+            return Sweep(0.0, None)
+        x, y, z = ((b - a) / length for a, b in zip(start, end, strict=True))
+        free_m = 0.0
+        while True:
+            here = (start[0] + x * free_m, start[1] + y * free_m, start[2] + z * free_m)
+            near = self.contacts(here, min(REACH_M, length - free_m + TOUCH_M))
+            stops = [
+                c
+                for c in near
+                if c.clearance_m < TOUCH_M and x * c.normal[0] + y * c.normal[1] + z * c.normal[2] < -1e-3
+            ]
+            if stops:
+                return Sweep(free_m, min(stops, key=lambda c: c.clearance_m).name)
+            if free_m >= length:
+                return Sweep(length, None)
+            clear_m = min((c.clearance_m for c in near), default=REACH_M)
+            free_m = min(length, free_m + max(clear_m - TOUCH_M / 2, TOUCH_M / 2))
+
+    def first_hits(self, start: Vector, ends: Sequence[Vector]) -> list[str | None]:
+        """For each straight line from `start`: the name of the first thing on it, null where it is free."""
+        rays = pybullet.rayTestBatch([start] * len(ends), list(ends), physicsClientId=self._client)
+        return [None if ray[0] < 0 else self._names.get(ray[0]) for ray in rays]
+
+    def _build(self, blueprint: Blueprint) -> None:
+        client = self._client
+        for piece in blueprint.pieces:
+            shape = pybullet.createCollisionShape(
+                pybullet.GEOM_MESH,
+                vertices=piece.vertices,
+                indices=piece.indices,
+                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
+                physicsClientId=client,
+            )
+            self._add(piece.name, shape, (0.0, 0.0, 0.0))
+        e = blueprint.half_size_m
+        bounds: tuple[tuple[str, Vector, Vector], ...] = (
+            (GROUND, (0, 0, 1), (0, 0, 0)),
+            (EDGE, (0, 0, -1), (0, 0, blueprint.ceiling_m)),
+            (EDGE, (1, 0, 0), (-e, 0, 0)),
+            (EDGE, (-1, 0, 0), (e, 0, 0)),
+            (EDGE, (0, 1, 0), (0, -e, 0)),
+            (EDGE, (0, -1, 0), (0, e, 0)),
+        )
+        for name, normal, foot in bounds:
+            plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal, physicsClientId=client)
+            self._add(name, plane, foot)
+        sphere = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=self.radius_m, physicsClientId=client)
+        self._drone: int = pybullet.createMultiBody(0, sphere, physicsClientId=client)
+        # rays ask what lies between two places, and the drone is never in its own way
+        pybullet.setCollisionFilterGroupMask(self._drone, -1, 0, 0, physicsClientId=client)
+
+    def _add(self, name: str, shape: Any, foot: Vector) -> None:
+        body = pybullet.createMultiBody(0, shape, basePosition=foot, physicsClientId=self._client)
+        if shape < 0 or body < 0:
+            raise RuntimeError(f"PyBullet could not build {name}")
+        self._names[body] = name
+
+
+def _pieces(solid: Solid) -> Iterator[_Piece]:
+    """A solid as lists, split where PyBullet's shared memory would be too small for it at once."""
+    for first in range(0, len(solid.faces), _FACES_PER_BODY):
+        faces = solid.faces[first : first + _FACES_PER_BODY]
+        used, indices = np.unique(faces, return_inverse=True)
+        yield _Piece(solid.name, solid.positions[used].tolist(), indices.ravel().tolist())
