@@ -1,0 +1,88 @@
+"""What the front view's depth says about the facade ahead: how far it is, and where it ends upwards.
+
+Floor localization (eq. 3) needs both: the stand-off sets the height of its bands, and a roof inside the last band must
+not stretch the floors.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navigation.camera import Depth, pinhole, row_slopes
+
+
+class Settings(NamedTuple):
+    """How a facade is read from depth.
+
+    `centre_share`: the share of columns (and, for the stand-off, rows) about the middle that is used.
+    `min_valid_share`: so many of these pixels must have a return. `recess_m`: how far behind the stand-off upper floors
+    may lie (setbacks). `max_lean`: a row is wall while its depth changes by less than this per metre of height; roofs
+    and ground lean more. `lean_over_m`: over how much height the lean is measured.
+    """
+
+    centre_share: float = 0.2
+    min_valid_share: float = 0.3
+    recess_m: float = 4.0
+    max_lean: float = 0.35
+    lean_over_m: float = 0.5
+
+
+def stand_off_m(depth_m: Depth, settings: Settings) -> float | None:
+    """Distance to the facade straight ahead: the median planar depth in the middle of the front view.
+
+    depth_m: (H, W) metres, inf no return, nan invalid. None where too little of the middle has a return.
+    """
+    height, width = depth_m.shape
+    patch = depth_m[_middle(height, settings.centre_share), _middle(width, settings.centre_share)]
+    returns = patch[np.isfinite(patch)]
+    if len(returns) < settings.min_valid_share * patch.size:
+        return None
+    return float(np.median(returns))
+
+
+def facade_top_m(depth_m: Depth, stand_off: float, camera_height_m: float, settings: Settings) -> float | None:
+    """The facade's upper edge above ground, from the front view at `camera_height_m`.
+
+    The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the
+    allowed recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's
+    upper edge, its top being out of sight, or where most of the middle is invalid; the height of the picture's lower
+    edge on the facade where there is no wall in the picture at all.
+    """
+    height, width = depth_m.shape
+    strip = depth_m[:, _middle(width, settings.centre_share)]
+    if np.isnan(strip).mean() > 1.0 - settings.min_valid_share:
+        return None
+    profile = _row_medians(strip, settings.min_valid_share)
+    heights = profile * row_slopes(pinhole(width, height))
+    near = profile <= stand_off + settings.recess_m
+    focal_px = pinhole(width, height).focal_px
+    step = min(height - 1, max(2, math.ceil(settings.lean_over_m * focal_px / stand_off)))
+    upright = np.zeros(height, bool)
+    # every row is compared with the one `step` rows below; inf - inf is nan and compares false
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lean = np.abs(profile[:-step] - profile[step:]) / np.abs(heights[:-step] - heights[step:])
+        upright[:-step] = near[:-step] & near[step:] & (lean <= settings.max_lean)
+    rows = np.flatnonzero(upright)
+    if not len(rows):
+        return max(0.0, camera_height_m - stand_off * height / 2.0 / focal_px)
+    top = int(rows[0])
+    if top == 0:
+        return None
+    return max(0.0, camera_height_m + float(profile[top]) * (height / 2.0 - top) / focal_px)
+
+
+def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:
+    """(H,) median of each row's returns, inf where it has too few."""
+    returns = np.where(np.isfinite(strip), strip, np.nan)
+    enough = np.isfinite(strip).mean(axis=1) >= min_valid_share
+    profile = np.full(len(strip), np.inf)
+    if enough.any():
+        profile[enough] = np.nanmedian(returns[enough], axis=1)
+    return profile
+
+
+def _middle(size: int, share: float) -> slice:
+    half = max(1, round(size * share / 2.0))
+    return slice(max(0, size // 2 - half), size // 2 + half)

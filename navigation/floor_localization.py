@@ -1,0 +1,154 @@
+"""Floor localization (eq. 3): from floor counts of non-overlapping vertical bands to the height of a window.
+
+How eq. 3 is read here: band i (1, 2, ...) is the stretch of facade that the front camera sees at once from the band's
+middle; h_i is the band's upper edge, h_0 = 0 the ground; F_cur is the sum of all F_new. Then eq. 3 yields the upper
+edge of the wanted floor, and its window lies half a floor below. The variant `camera_height` takes h_i for the
+camera's height in band i and eq. 3's result for the final height, as a literal reader would.
+"""
+
+import math
+from typing import Literal, NamedTuple
+
+Reading = Literal["upper_edge", "camera_height"]
+
+
+class Settings(NamedTuple):
+    """Free constants. `window_below_floors`: how far the window lies below its floor's upper edge, in floors.
+    `min_height_m`: no height below this is flown to."""
+
+    reading: Reading = "upper_edge"
+    window_below_floors: float = 0.5
+    min_height_m: float = 1.0
+
+
+class Band(NamedTuple):
+    """Band `number` (from 1) of the facade, from `lower_m` to `upper_m`, looked at from `camera_m`; above ground."""
+
+    number: int
+    lower_m: float
+    upper_m: float
+    camera_m: float
+
+
+class Climb(NamedTuple):
+    """Not there yet: on to this band; so many floors are counted below it."""
+
+    band: Band
+    floors_counted: float
+
+
+class FinalHeight(NamedTuple):
+    """h_final, by a floor height of `floor_height_m`; `floors_counted` is F_cur."""
+
+    height_m: float
+    floor_height_m: float
+    floors_counted: float
+
+
+class Recount(NamedTuple):
+    """The band's count came back refused or unreadable: ask again from the same height, or give up."""
+
+    band: Band
+    floors_counted: float
+
+
+class FloorNotFound(NamedTuple):
+    """The facade ends below the wanted floor. `best_guess_m` is the topmost counted floor's window, None if no floor
+    was counted at all."""
+
+    floors_counted: float
+    facade_top_m: float
+    best_guess_m: float | None
+
+
+Decision = Climb | FinalHeight | Recount | FloorNotFound
+
+
+def band_span_m(stand_off_m: float, vertical_fov_rad: float) -> float:
+    """Height of facade that the front camera sees at once: 2 d tan(VFoV / 2)."""
+    if not stand_off_m > 0.0 or not 0.0 < vertical_fov_rad < math.pi:
+        raise ValueError(f"no band at a stand-off of {stand_off_m} m and a field of view of {vertical_fov_rad} rad")
+    return 2.0 * stand_off_m * math.tan(vertical_fov_rad / 2.0)
+
+
+def band(number: int, span_m: float) -> Band:
+    """Band `number`, from 1 at the ground; bands touch and don't overlap, the camera stands at the middle."""
+    if number < 1:
+        raise ValueError(f"bands count from 1, not {number}")
+    return Band(number, (number - 1) * span_m, number * span_m, (number - 0.5) * span_m)
+
+
+def decide(
+    here: Band,
+    floors_counted: float,
+    floors_new: float | None,
+    target_floor: int,
+    facade_top_m: float | None,
+    settings: Settings,
+) -> Decision:
+    """Eq. 3 after looking at band `here`.
+
+    `floors_counted`: F_cur before this band. `floors_new`: F_new of this band, whole or with a fraction; None where
+    there is no readable count. `facade_top_m`: the facade's measured upper edge above ground, None where it is not in
+    sight; a roof inside the band takes the place of the band's upper edge, so that sky does not stretch the floors.
+    With F_cur >= F_tar the height is final; F_new = 0 always climbs, since eq. 3 has no floor height then; and where
+    the facade ends in or below this band without the wanted floor, there is no such floor.
+    Raises ValueError for a floor below 1 or a negative count.
+    """
+    if target_floor < 1:
+        raise ValueError(f"floors count from 1 at the ground, not {target_floor}")
+    if floors_new is None:
+        return Recount(here, floors_counted)
+    if floors_new < 0 or floors_counted < 0:
+        raise ValueError(f"floors can't be counted negative: {floors_counted} + {floors_new}")
+    current = floors_counted + floors_new
+    if facade_top_m is not None and facade_top_m <= here.lower_m and floors_new > 0:
+        facade_top_m = None  # floors were seen where depth shows no wall: the count is what there is to go by
+    upper = here.upper_m if facade_top_m is None else min(here.upper_m, facade_top_m)
+    if floors_new > 0 and current >= target_floor:
+        return FinalHeight(*_final(here, upper, current, floors_new, target_floor, settings), current)
+    if facade_top_m is not None and facade_top_m <= here.upper_m:
+        floor_height = facade_top_m / current if current > 0 else None
+        guess = None if floor_height is None else facade_top_m - settings.window_below_floors * floor_height
+        return FloorNotFound(current, facade_top_m, guess)
+    return Climb(band(here.number + 1, here.upper_m - here.lower_m), current)
+
+
+def _final(
+    here: Band, upper_m: float, current: float, floors_new: float, target: int, settings: Settings
+) -> tuple[float, float]:
+    if settings.reading == "camera_height":
+        # h_0 is the ground in both readings, so the first step is half a band here and a whole one after it
+        below = 0.0 if here.number == 1 else here.camera_m - (here.upper_m - here.lower_m)
+        floor_height = (here.camera_m - below) / floors_new
+        height = here.camera_m - floor_height * (current - target)
+    else:
+        floor_height = (upper_m - here.lower_m) / floors_new
+        height = upper_m - floor_height * (current - target) - settings.window_below_floors * floor_height
+    return max(settings.min_height_m, height), floor_height
+
+
+def direct_count(
+    total_floors: float | None, building_height_m: float, target_floor: int, settings: Settings
+) -> FinalHeight | FloorNotFound | None:
+    """The `direct-count` ablation: all floors counted in one picture of the whole building, all equally high.
+
+    None where there is no readable count.
+    """
+    if target_floor < 1 or not building_height_m > 0.0:
+        raise ValueError(f"no floor {target_floor} in a building of {building_height_m} m")
+    if total_floors is None:
+        return None
+    if total_floors <= 0:
+        return FloorNotFound(0.0, building_height_m, None)
+    floor_height = building_height_m / total_floors
+    if target_floor > total_floors:
+        guess = building_height_m - settings.window_below_floors * floor_height
+        return FloorNotFound(total_floors, building_height_m, guess)
+    height = (target_floor - settings.window_below_floors) * floor_height
+    return FinalHeight(max(settings.min_height_m, height), floor_height, total_floors)
+
+
+def row_height_m(row: float, camera_height_m: float, stand_off_m: float, vertical_fov_rad: float) -> float:
+    """Height above ground of image row `row` (0..1 from the top) on an upright facade at `stand_off_m`."""
+    return camera_height_m + (1.0 - 2.0 * row) * stand_off_m * math.tan(vertical_fov_rad / 2.0)

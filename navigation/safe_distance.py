@@ -1,0 +1,125 @@
+"""Safe moving distances (eq. 7): how far the drone may fly towards each of the five marked points."""
+
+import math
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from navigation.camera import DepthView, Points, bearing_deg, nearby_cloud, pinhole, planar_to_distance_m
+
+LABELS = ("a", "b", "c", "d", "e")
+Variant = Literal["corridor", "bare"]
+
+
+class Settings(NamedTuple):
+    """Free constants of eq. 7.
+
+    `corridor`: the drone, as a ball grown by `clearance_m`, flies until it would touch something. Where something
+    already lies within the clearance, the ball is grown only as far as there is room, but by `tight_clearance_m` at
+    least, so that the drone can leave a tight place. `bare`: eq. 7 as printed, one pixel's distance without a margin.
+    """
+
+    variant: Variant = "corridor"
+    l_max_m: float = 10.0
+    drone_radius_m: float = 0.35
+    clearance_m: float = 1.5
+    tight_clearance_m: float = 0.5
+    sensor_range_m: float = 60.0
+
+
+class Corridor(NamedTuple):
+    """A straight flight: `distance_m` is free; `nearest_return_m` is the distance along the flight of what limits it,
+    None where nothing does within reach; the corridor is `half_width_m` wide to each side, above and below."""
+
+    distance_m: float
+    nearest_return_m: float | None
+    half_width_m: float
+
+
+class MarkedPoint(NamedTuple):
+    """One of the five points: image position in 0..1, bearing relative to the nose (degrees, positive right)."""
+
+    label: str
+    x: float
+    y: float
+    bearing_deg: float
+    corridor: Corridor
+
+
+def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Settings) -> tuple[MarkedPoint, ...]:
+    """Eq. 7 for the points at x = W k / 6 (k = 1..5, labelled a-e) on the middle row of `view`.
+
+    `others` are further views of the same moment; the corridor uses their returns where it leaves the picture.
+    A point without any valid pixel about it is unknown, and an unknown way is 0 m long.
+    """
+    height, width = view.depth_m.shape
+    camera = pinhole(width, height)
+    reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
+    points = None
+    if settings.variant == "corridor":
+        points = nearby_cloud((view, *others), reach, settings.drone_radius_m + settings.clearance_m)
+    marked = []
+    for k, label in enumerate(LABELS, start=1):
+        x_px = width * k / 6.0
+        from_axis = bearing_deg(camera, x_px)
+        bearing = view.heading_deg + from_axis
+        if points is None:
+            found = _bare(view, x_px, from_axis, settings)
+        elif not _seen(view, x_px):
+            found = Corridor(0.0, None, body_radius_m(points, settings))
+        else:
+            found = corridor(points, bearing, settings)
+        marked.append(MarkedPoint(label, k / 6.0, 0.5, bearing, found))
+    return tuple(marked)
+
+
+def body_radius_m(points: Points, settings: Settings) -> float:
+    """Radius of the ball that is flown through `points` (nose frame): radius + clearance, less in a tight place."""
+    full = settings.drone_radius_m + settings.clearance_m
+    if not len(points):
+        return full
+    nearest = math.sqrt(float(np.einsum("ij,ij->i", points, points).min()))
+    tight = settings.drone_radius_m + min(settings.tight_clearance_m, settings.clearance_m)
+    # a little less than the room there is, so that noise on a wall that is flown along does not stop the drone
+    return min(full, max(tight, 0.95 * nearest))
+
+
+def corridor(points: Points, bearing_right_deg: float, settings: Settings) -> Corridor:
+    """The free way along a bearing through `points` (nose frame), at most `l_max_m`, never negative.
+
+    A point at `along` on the way and `aside` of it stops a ball of radius r at along - sqrt(r^2 - aside^2).
+    """
+    radius = body_radius_m(points, settings)
+    angle = math.radians(bearing_right_deg)
+    cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
+    along = points[:, 0] * cos + points[:, 1] * sin
+    across = points[:, 1] * cos - points[:, 0] * sin
+    aside_squared = across * across + points[:, 2] * points[:, 2]
+    hit = (along > 0.0) & (aside_squared < radius * radius)
+    if not hit.any():
+        return Corridor(settings.l_max_m, None, radius)
+    along = along[hit]
+    stops = along - np.sqrt(radius * radius - aside_squared[hit])
+    first = int(stops.argmin())
+    return Corridor(min(settings.l_max_m, max(0.0, float(stops[first]))), float(along[first]), radius)
+
+
+def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: Settings) -> Corridor:
+    height, width = view.depth_m.shape
+    depth = float(view.depth_m[height // 2, min(int(x_px), width - 1)])
+    if math.isnan(depth):
+        return Corridor(0.0, None, 0.0)
+    if math.isinf(depth):
+        return Corridor(settings.l_max_m, None, 0.0)
+    distance = planar_to_distance_m(depth, from_axis_deg)
+    return Corridor(min(distance, settings.l_max_m), distance, 0.0)
+
+
+def _seen(view: DepthView, x_px: float) -> bool:
+    """Is any pixel valid in the patch (2.5 % of the picture each way) about a point of the middle row?"""
+    height, width = view.depth_m.shape
+    half_x, half_y = max(1, width // 40), max(1, height // 40)
+    column, row = int(x_px), height // 2
+    patch = view.depth_m[max(0, row - half_y) : row + half_y, max(0, column - half_x) : column + half_x]
+    return not bool(np.isnan(patch).all())

@@ -1,0 +1,165 @@
+"""Viewpoint selection (eq. 4-6): which camera looks along the building's edge.
+
+Everything is written for clockwise flight, the building on the drone's right: in a useful view the left part is open
+and the right part is facade. Counter-clockwise flight is the mirror image: slices reversed, headings negated.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+INVALID = 0
+NO_RETURN = 65535
+_ROWS_AT_ONCE = 64
+"""Rows summed in one go: a block of 800 columns stays in the processor's second cache."""
+
+Policy = Literal["paper", "random", "default"]
+Direction = Literal["clockwise", "counterclockwise"]
+
+
+class Settings(NamedTuple):
+    """Free constants of eq. 4-6.
+
+    `slices`: x, the number of vertical slices. `delta_m`: eq. 4's threshold. `d_max_m`: where the search of d_max
+    starts; each step without a valid split raises it by `d_max_step_m`, at most to `d_max_limit_m`, and a valid split
+    resets it. `max_over`: how many facade slices may lie beyond d_max. `sensor_range_m`: what no-return counts as.
+    """
+
+    policy: Policy = "paper"
+    direction: Direction = "clockwise"
+    slices: int = 20
+    delta_m: float = 6.0
+    d_max_m: float = 25.0
+    d_max_step_m: float = 10.0
+    d_max_limit_m: float = 60.0
+    max_over: int = 2
+    sensor_range_m: float = 60.0
+
+
+class Split(NamedTuple):
+    """A candidate split after slice `j` (1..slices - 1). j counts from the left flying clockwise, from the right
+    counter-clockwise: always from the open side."""
+
+    j: int
+    difference_m: float
+    variance_m2: float
+    over: int
+    valid: bool
+
+
+class ViewScore(NamedTuple):
+    """`best` is eq. 5's split, None where no split is valid."""
+
+    splits: tuple[Split, ...]
+    best: Split | None
+
+
+class Choice(NamedTuple):
+    """`reason`: `split` (eq. 6), `no_split` (default view, d_max raised for the next step), or the ablation."""
+
+    heading_deg: int
+    reason: Literal["split", "no_split", "random", "default"]
+    d_max_m: float
+    d_max_next_m: float
+    scores: Mapping[int, ViewScore]
+
+
+def row_range(y_min: float, y_max: float, height: int) -> tuple[int, int]:
+    """Rows (first, past the last) of an image that a box's y-range (0..1 from the top) touches; at least one."""
+    first = min(int(y_min * height), height - 1)
+    return first, min(height, max(first + 1, int(np.ceil(y_max * height))))
+
+
+def slice_means(
+    units: NDArray[np.uint16],
+    metres_per_unit: float,
+    slices: int,
+    sensor_range_m: float,
+    rows: tuple[int, int] | None = None,
+) -> NDArray[np.float64]:
+    """(slices,) mean planar depth in metres of equal-width slices from left to right, nan where no pixel is valid.
+
+    units: (H, W) uint16, planar depth / `metres_per_unit`; 0 is invalid and ignored, 65535 is no return. No-return, and
+    any depth beyond it, counts as `sensor_range_m` before the mean is taken. `rows` crops (first, past the last).
+    Where the width does not divide, slice borders are rounded to whole columns.
+    Raises ValueError for fewer columns than slices.
+    """
+    cropped = units if rows is None else units[rows[0] : rows[1]]
+    height, width = cropped.shape
+    if width < slices:
+        raise ValueError(f"{width} columns can't be cut into {slices} slices")
+    limit = min(round(sensor_range_m / metres_per_unit), NO_RETURN)
+    sums = np.zeros(width, np.int64)
+    valid = np.full(width, height, np.int64)
+    clipped = np.empty((min(_ROWS_AT_ONCE, height), width), np.uint16)
+    for start in range(0, height, _ROWS_AT_ONCE):
+        block = cropped[start : start + _ROWS_AT_ONCE]
+        low = np.minimum(block, np.uint16(limit), out=clipped[: len(block)])
+        sums += np.add.reduce(low, axis=0, dtype=np.uint32)
+        if low.min() == INVALID:
+            valid -= np.count_nonzero(low == INVALID, axis=0)
+    borders = np.rint(np.arange(slices) * (width / slices)).astype(np.intp)
+    totals = np.add.reduceat(sums, borders).astype(np.float64)
+    counts = np.add.reduceat(valid, borders)
+    means = np.full(slices, np.nan)
+    np.divide(totals * metres_per_unit, counts, out=means, where=counts > 0)
+    # the limit is a whole number of units: a slice of nothing but no-returns shall lie exactly at the range
+    np.minimum(means, sensor_range_m, out=means)
+    return means
+
+
+def score_view(means_m: Sequence[float] | NDArray[np.float64], settings: Settings, d_max_m: float) -> ViewScore:
+    """Eq. 4 and 5 for one view's slice means, given from the picture's left to its right; nan means are ignored.
+
+    Eq. 4: mean(left) - mean(right) >= delta, and at most `max_over` right means beyond d_max. Eq. 5: among these, the
+    least sum of squared deviations within the two parts; of equals the larger j. A split with an empty part is invalid.
+    """
+    means = np.asarray(means_m, np.float64)
+    if settings.direction == "counterclockwise":
+        means = means[::-1]
+    splits = tuple(_split(means, j, settings, d_max_m) for j in range(1, len(means)))
+    valid = [split for split in splits if split.valid]
+    return ViewScore(splits, min(valid, key=lambda s: (s.variance_m2, -s.j)) if valid else None)
+
+
+def choose_view(
+    means_m: Mapping[int, Sequence[float] | NDArray[np.float64]],
+    settings: Settings,
+    d_max_m: float | None,
+    generator: np.random.Generator,
+) -> Choice:
+    """Eq. 6 over the views' slice means, keyed by heading in degrees; `d_max_m` is what the last choice handed on.
+
+    The largest j* wins; of equals the smaller within-part variance, then the view farther towards the building's side.
+    Without a valid split: the view farthest towards the building's side (+90 clockwise), and d_max rises. The
+    ablations: `random` draws a heading from `generator`, `default` takes that same side view; both leave d_max alone.
+    Raises ValueError for no views.
+    """
+    if not means_m:
+        raise ValueError("a viewpoint is chosen from at least one view")
+    d_max = settings.d_max_m if d_max_m is None else d_max_m
+    side = 1 if settings.direction == "clockwise" else -1
+    scores = {heading: score_view(means, settings, d_max) for heading, means in means_m.items()}
+    default = max(scores, key=lambda heading: side * heading)
+    if settings.policy == "random":
+        return Choice(int(generator.choice(sorted(scores))), "random", d_max, d_max, scores)
+    if settings.policy == "default":
+        return Choice(default, "default", d_max, d_max, scores)
+    found = [(score.best.j, -score.best.variance_m2, side * heading) for heading, score in scores.items() if score.best]
+    if not found:
+        raised = max(d_max, min(d_max + settings.d_max_step_m, settings.d_max_limit_m))
+        return Choice(default, "no_split", d_max, raised, scores)
+    return Choice(side * max(found)[2], "split", d_max, settings.d_max_m, scores)
+
+
+def _split(means: NDArray[np.float64], j: int, settings: Settings, d_max_m: float) -> Split:
+    left, right = means[:j], means[j:]
+    left, right = left[~np.isnan(left)], right[~np.isnan(right)]
+    if not len(left) or not len(right):
+        return Split(j, 0.0, 0.0, 0, False)
+    difference = float(left.mean() - right.mean())
+    variance = float(((left - left.mean()) ** 2).sum() + ((right - right.mean()) ** 2).sum())
+    over = int(np.count_nonzero(right > d_max_m))
+    return Split(j, difference, variance, over, difference >= settings.delta_m and over <= settings.max_over)
