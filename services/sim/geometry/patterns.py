@@ -75,8 +75,14 @@ def _bricks(size: int, across: int, courses: int, joint_x: float, joint_y: float
     return _picture(rgb)
 
 
+def clouds(size: int) -> NDArray[np.uint8]:
+    """The density of clouds, 0..1, as grey."""
+    return _picture(0.5 + 0.62 * noise(size, 4, 90, 6, 0.55))
+
+
 PATTERNS: dict[str, Pattern] = {
     "plain": Pattern(plain, 1.0),
     "plaster": Pattern(plaster, 4.0),
     "brick": Pattern(brick, 2.0),
+    "clouds": Pattern(clouds, 1.0),
 }

@@ -54,7 +54,7 @@ class Solid(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """The whole scene. `part_of` (N,) gives each vertex the id of its part."""
+    """The whole scene. `part_of` (N,) gives each vertex the id of its part; shadows are sharpest about `focus`."""
 
     mesh: Mesh
     part_of: NDArray[np.uint16]
@@ -63,6 +63,7 @@ class SceneMesh:
     solids: tuple[Solid, ...]
     textures: TextureSet
     light: Light
+    focus: tuple[float, float, float]
 
     def part(self, kind: PartKind, name: str) -> Part:
         """Raises KeyError."""

@@ -1,0 +1,283 @@
+"""Pictures by OpenGL on EGL: on the processor where there is no graphics card, on the card where there is one."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import cv2
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.geometry import Pose
+from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.geometry.textures import TextureSet
+from services.sim.render import shaders
+from services.sim.render.culling import visible_chunks
+from services.sim.render.light import WEATHER, fill_direction, sun_direction
+from services.sim.render.views import FAR_M, NEAR_M, RenderedViews, view_axes
+
+SHADOW_SIZE = 4096
+SHADOW_HALF_M = 75.0
+_VERTEX = np.dtype(
+    [
+        ("position", "<f4", 3),
+        ("uv", "<f4", 2),
+        ("normal", "u1", 3),
+        ("_pad1", "u1"),
+        ("colour", "u1", 3),
+        ("_pad2", "u1"),
+        ("layer", "<u2"),
+        ("part", "<u2"),
+    ]
+)
+_COMMAND = np.dtype(
+    [("count", "<u4"), ("instances", "<u4"), ("first", "<u4"), ("base", "<u4"), ("base_instance", "<u4")]
+)
+
+
+class NoGlContext(RuntimeError):
+    """No OpenGL context can be had on this machine; the message says what EGL answered."""
+
+
+class GlScene:
+    """One scene in the graphics memory. Shares its texture array with every scene of the same texture set."""
+
+    def __init__(self, context: moderngl.Context, programs: dict[str, Any], scene: SceneMesh, textures: Any) -> None:
+        mesh = scene.mesh
+        vertices = np.zeros(mesh.vertex_count, _VERTEX)
+        vertices["position"] = mesh.positions
+        vertices["uv"] = mesh.uv / scene.textures.tile_m[mesh.layer][:, None]
+        vertices["normal"] = np.rint(mesh.normals * 127) + 127
+        vertices["colour"] = mesh.colours
+        vertices["layer"] = mesh.layer
+        vertices["part"] = scene.part_of
+        self.scene = scene
+        self.textures = textures
+        self.low = np.array([c.low for c in scene.chunks], np.float64).reshape(-1, 3)
+        self.high = np.array([c.high for c in scene.chunks], np.float64).reshape(-1, 3)
+        self.commands = np.zeros(len(scene.chunks), _COMMAND)
+        self.commands["count"] = [c.face_count * 3 for c in scene.chunks]
+        self.commands["first"] = [c.first_face * 3 for c in scene.chunks]
+        self.commands["instances"] = 1
+        self._vertices = context.buffer(vertices.tobytes())
+        self._indices = context.buffer(np.ascontiguousarray(mesh.faces, "<u4").tobytes())
+        self.indirect = context.buffer(reserve=max(1, len(self.commands)) * _COMMAND.itemsize, dynamic=True)
+        self.views = context.vertex_array(
+            programs["scene"],
+            [
+                (
+                    self._vertices,
+                    "3f 2f 3f1 1x 3f1 1x 1u2 2x",
+                    "in_position",
+                    "in_uv",
+                    "in_normal",
+                    "in_colour",
+                    "in_layer",
+                )
+            ],
+            self._indices,
+        )
+        self.shadow = context.vertex_array(
+            programs["shadow"], [(self._vertices, "3f 20x", "in_position")], self._indices
+        )
+        self.ids = context.vertex_array(
+            programs["ids"], [(self._vertices, "3f 18x 1u2", "in_position", "in_part")], self._indices
+        )
+        self.shade = context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
+        self.shade.compare_func = "<="
+        self.shade.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        self.shade.repeat_x = self.shade.repeat_y = False
+
+    def release(self) -> None:
+        for thing in (self.views, self.shadow, self.ids, self.shade, self._vertices, self._indices, self.indirect):
+            thing.release()
+
+
+class GlRenderer:
+    """`max_size` bounds a view's side, `max_views` how many are drawn at once. Bound to the thread that made it.
+
+    Raises NoGlContext.
+    """
+
+    name: Literal["moderngl", "tiny"] = "moderngl"
+
+    def __init__(self, max_size: int = 1600, max_views: int = 5) -> None:
+        try:
+            self._gl = moderngl.create_context(standalone=True, backend="egl", require=430)
+        except Exception as error:
+            raise NoGlContext(f"no EGL context with OpenGL 4.3: {str(error) or type(error).__name__}") from error
+        info = self._gl.info
+        self.detail = f"moderngl on {info['GL_RENDERER']}, OpenGL {self._gl.version_code / 100:.1f}"
+        self._max_size, self._max_views = max_size, max_views
+        self._programs = {
+            "scene": self._gl.program(shaders.SCENE_VERTEX, shaders.SCENE_FRAGMENT),
+            "shadow": self._gl.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT),
+            "sky": self._gl.program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT),
+            "ids": self._gl.program(shaders.IDS_VERTEX, shaders.IDS_FRAGMENT),
+        }
+        corners = np.array([(-1, -1), (3, -1), (-1, 3)], "<f4")
+        self._sky = self._gl.vertex_array(
+            self._programs["sky"], [(self._gl.buffer(corners.tobytes()), "2f", "in_corner")]
+        )
+        self._textures: dict[int, tuple[TextureSet, moderngl.TextureArray]] = {}
+        self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
+
+    def upload(self, scene: SceneMesh) -> GlScene:
+        """Copies the scene into the renderer and draws its shadows once."""
+        uploaded = GlScene(self._gl, self._programs, scene, self._texture_array(scene.textures))
+        self._draw_shadows(uploaded)
+        return uploaded
+
+    def render(self, uploaded: GlScene, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
+        """Pictures and depth of each view. Raises ValueError beyond the limits."""
+        self._check(headings_deg, size)
+        target = self._target(size, len(headings_deg))
+        self._draw(uploaded, pose, headings_deg, size, target, "scene")
+        v = len(headings_deg)
+        rgba = np.frombuffer(target.read(components=4, attachment=0), np.uint8).reshape(v * size, size, 4)
+        rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB).reshape(v, size, size, 3)
+        depth = np.frombuffer(target.read(components=1, attachment=1, dtype="u2"), np.uint16)
+        return RenderedViews(rgb, depth.reshape(v, size, size))
+
+    def render_ids(self, uploaded: GlScene, pose: Pose, headings_deg: Sequence[float], size: int) -> NDArray[np.uint16]:
+        """(V, H, W) ids of parts. Raises ValueError beyond the limits."""
+        self._check(headings_deg, size)
+        target = self._target(size, len(headings_deg))
+        self._draw(uploaded, pose, headings_deg, size, target, "ids")
+        ids = np.frombuffer(target.read(components=1, attachment=1, dtype="u2"), np.uint16)
+        return ids.reshape(len(headings_deg), size, size)
+
+    def close(self) -> None:
+        """Gives everything back; uploaded scenes are gone with it."""
+        self._gl.release()
+
+    def _check(self, headings_deg: Sequence[float], size: int) -> None:
+        if not 1 <= size <= self._max_size or not 1 <= len(headings_deg) <= self._max_views:
+            raise ValueError(
+                f"asked for {len(headings_deg)} views of {size} px; 1..{self._max_views} views "
+                f"of 1..{self._max_size} px can be drawn"
+            )
+
+    def _texture_array(self, textures: TextureSet) -> moderngl.TextureArray:
+        known = self._textures.get(id(textures))
+        if known is not None:
+            return known[1]
+        layers, height, width, _ = textures.images.shape
+        pixels = np.full((layers, height, width, 4), 255, np.uint8)
+        pixels[..., :3] = textures.images[:, ::-1]
+        array = self._gl.texture_array((width, height, layers), 4, pixels.tobytes())
+        array.build_mipmaps()
+        array.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        self._textures[id(textures)] = (textures, array)
+        return array
+
+    def _target(self, size: int, views: int) -> moderngl.Framebuffer:
+        """One tall picture, view under view, kept for the next call of the same shape."""
+        key = (size, views)
+        if key not in self._targets:
+            if len(self._targets) >= 4:
+                old = self._targets.pop(next(iter(self._targets)))
+                for attachment in (*old.color_attachments, old.depth_attachment, old):
+                    if attachment is not None:
+                        attachment.release()
+            shape = (size, size * views)
+            self._targets[key] = self._gl.framebuffer(
+                [self._gl.texture(shape, 4), self._gl.texture(shape, 1, dtype="u2")],
+                self._gl.depth_renderbuffer(shape),
+            )
+        return self._targets[key]
+
+    def _draw_shadows(self, uploaded: GlScene) -> None:
+        target = self._gl.framebuffer(depth_attachment=uploaded.shade)
+        target.use()
+        target.clear(depth=1.0)
+        self._gl.enable_only(moderngl.DEPTH_TEST)
+        self._programs["shadow"]["to_sun"].write(_sun_matrix(uploaded.scene).T.astype("<f4").tobytes())
+        uploaded.shadow.render()
+        target.release()
+
+    def _draw(
+        self,
+        uploaded: GlScene,
+        pose: Pose,
+        headings_deg: Sequence[float],
+        size: int,
+        target: moderngl.Framebuffer,
+        what: Literal["scene", "ids"],
+    ) -> None:
+        target.use()
+        target.viewport = (0, 0, size, size * len(headings_deg))
+        target.clear()
+        program = self._programs[what]
+        if what == "scene":
+            self._set_light(uploaded)
+        vertices = uploaded.views if what == "scene" else uploaded.ids
+        eye = np.array([pose.x, pose.y, pose.z])
+        for i, heading in enumerate(headings_deg):
+            axes = view_axes(pose, heading)
+            target.viewport = (0, i * size, size, size)
+            self._gl.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+            # rows leave the card bottom first; the picture is drawn upside down instead, which turns the faces round
+            self._gl.front_face = "cw"
+            self._gl.depth_func = "<"
+            program["to_clip"].write(_clip_matrix(axes, eye).T.astype("<f4").tobytes())
+            order = visible_chunks(uploaded.low, uploaded.high, eye, axes)
+            if len(order):
+                uploaded.indirect.write(uploaded.commands[order].tobytes())
+                vertices.render_indirect(uploaded.indirect, count=len(order))
+            if what == "scene":
+                self._gl.disable(moderngl.CULL_FACE)
+                self._gl.depth_func = "<="
+                self._programs["sky"]["axes"].write(axes.T.astype("<f4").tobytes())
+                self._sky.render()
+
+    def _set_light(self, uploaded: GlScene) -> None:
+        light = uploaded.scene.light
+        weather = WEATHER[light.sky]
+        sun, gain = sun_direction(light), light.exposure
+        uploaded.textures.use(0)
+        uploaded.shade.use(1)
+        scene, sky = self._programs["scene"], self._programs["sky"]
+        scene["surface"], scene["shade"], sky["surface"] = 0, 1, 0
+        scene["to_sun"].write(_sun_matrix(uploaded.scene).T.astype("<f4").tobytes())
+        scene["sun"] = sky["sun"] = tuple(sun)
+        scene["fill_light"] = tuple(fill_direction(light))
+        for name, value in (("sun_light", weather.sun), ("sky_light", weather.sky), ("ground_light", weather.ground)):
+            scene[name] = tuple(gain * v for v in value)
+        scene["haze"], scene["haze_per_m"] = weather.haze, weather.haze_per_m
+        for name in ("zenith", "horizon", "cloud", "cover", "glow"):
+            sky[name] = getattr(weather, name)
+        sky["cloud_layer"] = float(uploaded.scene.textures.layer("clouds"))
+
+
+def _clip_matrix(axes: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(4, 4) world to clip space, upside down, with a 90-degree frustum."""
+    right, up, forward = axes
+    a = (FAR_M + NEAR_M) / (FAR_M - NEAR_M)
+    b = -2 * FAR_M * NEAR_M / (FAR_M - NEAR_M)
+    return np.array(
+        [
+            [*right, -right @ eye],
+            [*-up, up @ eye],
+            [*(a * forward), -a * (forward @ eye) + b],
+            [*forward, -forward @ eye],
+        ]
+    )
+
+
+def _sun_matrix(scene: SceneMesh) -> NDArray[np.float64]:
+    """(4, 4) world to the sun's square view of the part of the scene that matters: around `focus`."""
+    sun = sun_direction(scene.light)
+    side = np.cross((0.0, 0.0, 1.0), sun)
+    side /= np.linalg.norm(side)
+    up = np.cross(sun, side)
+    focus = np.array(scene.focus, np.float64)
+    h, reach = SHADOW_HALF_M, 250.0
+    return np.array(
+        [
+            [*(side / h), -(side @ focus) / h],
+            [*(up / h), -(up @ focus) / h],
+            [*(-sun / reach), (sun @ focus) / reach],
+            [0, 0, 0, 1],
+        ]
+    )

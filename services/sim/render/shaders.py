@@ -1,0 +1,127 @@
+"""The GLSL programs. Colours are squared on the way in and rooted on the way out: light adds up in linear space."""
+
+SCENE_VERTEX = """
+#version 430
+uniform mat4 to_clip;
+uniform mat4 to_sun;
+uniform vec3 sun;
+in vec3 in_position;
+in vec3 in_normal;
+in vec2 in_uv;
+in vec3 in_colour;
+in uint in_layer;
+out vec2 uv;
+out vec3 albedo;
+out vec4 lit;
+out vec3 sun_place;
+flat out float layer;
+uniform vec3 sky_light;
+uniform vec3 ground_light;
+uniform vec3 fill_light;
+void main() {
+    gl_Position = to_clip * vec4(in_position, 1.0);
+    uv = in_uv;
+    layer = float(in_layer);
+    albedo = in_colour * in_colour;
+    vec3 normal = (in_normal * 255.0 - 127.0) / 127.0;
+    vec3 ambient = mix(ground_light, sky_light, normal.z * 0.5 + 0.5);
+    ambient *= 1.0 + dot(normal, fill_light);
+    lit = vec4(ambient, max(dot(normal, sun), 0.0));
+    sun_place = (to_sun * vec4(in_position + normal * 0.06, 1.0)).xyz * 0.5 + 0.5;
+}
+"""
+
+SCENE_FRAGMENT = """
+#version 430
+uniform sampler2DArray surface;
+uniform sampler2DShadow shade;
+uniform vec3 sun_light;
+uniform vec3 haze;
+uniform float haze_per_m;
+in vec2 uv;
+in vec3 albedo;
+in vec4 lit;
+in vec3 sun_place;
+flat in float layer;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out uint depth_units;
+void main() {
+    vec3 t = texture(surface, vec3(uv, layer)).rgb;
+    float open = lit.w * texture(shade, sun_place);
+    float depth = 1.0 / gl_FragCoord.w;
+    vec3 c = t * t * albedo * (lit.rgb + sun_light * open);
+    float h = min(depth * haze_per_m, 0.75);
+    colour = vec4(sqrt(mix(c, haze, h)), 1.0);
+    depth_units = uint(clamp(depth * 500.0 + 0.5, 1.0, 65535.0));
+}
+"""
+
+SHADOW_VERTEX = """
+#version 430
+uniform mat4 to_sun;
+in vec3 in_position;
+void main() { gl_Position = to_sun * vec4(in_position, 1.0); }
+"""
+
+SHADOW_FRAGMENT = """
+#version 430
+void main() {}
+"""
+
+SKY_VERTEX = """
+#version 430
+in vec2 in_corner;
+uniform mat3 axes;
+out vec3 direction;
+void main() {
+    gl_Position = vec4(in_corner.x, -in_corner.y, 1.0, 1.0);
+    direction = transpose(axes) * vec3(in_corner, 1.0);
+}
+"""
+
+SKY_FRAGMENT = """
+#version 430
+uniform sampler2DArray surface;
+uniform float cloud_layer;
+uniform vec3 zenith;
+uniform vec3 horizon;
+uniform vec3 cloud;
+uniform float cover;
+uniform vec3 sun;
+uniform vec3 glow;
+in vec3 direction;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out uint depth_units;
+void main() {
+    vec3 d = normalize(direction);
+    float up = max(d.z, 0.0);
+    vec3 c = mix(horizon, zenith, 1.0 - pow(1.0 - up, 3.0));
+    float s = max(dot(d, sun), 0.0);
+    c += glow * (0.25 * s * s + 0.75 * pow(s, 64.0));
+    vec2 at = d.xy / (up + 0.16);
+    float density = texture(surface, vec3(at * 0.11 + 0.37, cloud_layer)).r;
+    float inside = smoothstep(1.0 - cover, 1.25 - cover, density) * smoothstep(0.02, 0.22, up);
+    c = mix(c, cloud * (0.86 + 0.14 * density), inside * 0.85);
+    colour = vec4(sqrt(c), 1.0);
+    depth_units = 65535u;
+}
+"""
+
+IDS_VERTEX = """
+#version 430
+uniform mat4 to_clip;
+in vec3 in_position;
+in uint in_part;
+flat out uint part;
+void main() {
+    gl_Position = to_clip * vec4(in_position, 1.0);
+    part = in_part;
+}
+"""
+
+IDS_FRAGMENT = """
+#version 430
+flat in uint part;
+layout(location = 1) out uint ids;
+void main() { ids = part; }
+"""
