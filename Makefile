@@ -23,6 +23,7 @@ setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (syst
 	  "libegl1=ldconfig -p | grep -q libEGL.so.1 || /sbin/ldconfig -p | grep libEGL.so.1" \
 	  "libgl1=ldconfig -p | grep -q 'libGL.so.1 ' || /sbin/ldconfig -p | grep 'libGL.so.1 '" \
 	  "libgl1-mesa-dri=ls /usr/lib/*/dri/*swrast*.so"
+	@echo "preparing .venv with $(PYTHON) (about half a minute, once)"
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
 	@$(BIN)/uv sync --quiet --frozen --extra all --python $(BIN)/python
