@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from services.sim.geometry.scene_mesh import Solid
 from services.sim.kinematics import Vector
 
 
@@ -43,12 +43,11 @@ CEILING_ABOVE_ROOFS_M = 60.0
 _FACES_PER_BODY = 20_000
 
 
-class Solid(NamedTuple):
-    """A named closed shape: corners (N, 3) in metres, faces (M, 3) indices into them."""
+class Hit(NamedTuple):
+    """What a ray or the drone met: the id of the part (0: the ground or the world's edge) and its name."""
 
+    part: int
     name: str
-    positions: NDArray[np.float32]
-    faces: NDArray[np.uint32]
 
 
 class Contact(NamedTuple):
@@ -67,7 +66,7 @@ class Sweep(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    name: str
+    whose: Hit
     vertices: list[list[float]]
     indices: list[int]
 
@@ -96,7 +95,7 @@ class World:
         self._client: int = pybullet.connect(pybullet.DIRECT)
         if self._client < 0:
             raise RuntimeError("PyBullet has no physics client left")
-        self._names: dict[int, str] = {}
+        self._whose: dict[int, Hit] = {}
         try:
             self._build(blueprint)
         except BaseException:
@@ -120,7 +119,7 @@ class World:
         found = []
         for body in sorted({body for body, _ in near} - {self._drone}):
             for point in pybullet.getClosestPoints(self._drone, body, reach_m, physicsClientId=client):
-                found.append(Contact(self._names[body], float(point[8]), tuple(point[7])))
+                found.append(Contact(self._whose[body].name, float(point[8]), tuple(point[7])))
         return found
 
     def clearance_m(self, position: Vector, reach_m: float = REACH_M) -> float:
@@ -158,10 +157,10 @@ class World:
             clear_m = min((c.clearance_m for c in near), default=REACH_M)
             free_m = min(length, free_m + max(clear_m - TOUCH_M / 2, TOUCH_M / 2))
 
-    def first_hits(self, start: Vector, ends: Sequence[Vector]) -> list[str | None]:
-        """For each straight line from `start`: the name of the first thing on it, null where it is free."""
+    def first_hits(self, start: Vector, ends: Sequence[Vector]) -> list[Hit | None]:
+        """For each straight line from `start`: the first thing on it, null where it is free."""
         rays = pybullet.rayTestBatch([start] * len(ends), list(ends), physicsClientId=self._client)
-        return [None if ray[0] < 0 else self._names.get(ray[0]) for ray in rays]
+        return [None if ray[0] < 0 else self._whose[ray[0]] for ray in rays]
 
     def _build(self, blueprint: Blueprint) -> None:
         client = self._client
@@ -173,7 +172,7 @@ class World:
                 flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
                 physicsClientId=client,
             )
-            self._add(piece.name, shape, (0.0, 0.0, 0.0))
+            self._add(piece.whose, shape, (0.0, 0.0, 0.0))
         e = blueprint.half_size_m
         bounds: tuple[tuple[str, Vector, Vector], ...] = (
             (GROUND, (0, 0, 1), (0, 0, 0)),
@@ -185,17 +184,17 @@ class World:
         )
         for name, normal, foot in bounds:
             plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, planeNormal=normal, physicsClientId=client)
-            self._add(name, plane, foot)
+            self._add(Hit(0, name), plane, foot)
         sphere = pybullet.createCollisionShape(pybullet.GEOM_SPHERE, radius=self.radius_m, physicsClientId=client)
         self._drone: int = pybullet.createMultiBody(0, sphere, physicsClientId=client)
         # rays ask what lies between two places, and the drone is never in its own way
         pybullet.setCollisionFilterGroupMask(self._drone, -1, 0, 0, physicsClientId=client)
 
-    def _add(self, name: str, shape: Any, foot: Vector) -> None:
+    def _add(self, whose: Hit, shape: Any, foot: Vector) -> None:
         body = pybullet.createMultiBody(0, shape, basePosition=foot, physicsClientId=self._client)
         if shape < 0 or body < 0:
-            raise RuntimeError(f"PyBullet could not build {name}")
-        self._names[body] = name
+            raise RuntimeError(f"PyBullet could not build {whose.name}")
+        self._whose[body] = whose
 
 
 def _pieces(solid: Solid) -> Iterator[_Piece]:
@@ -203,4 +202,4 @@ def _pieces(solid: Solid) -> Iterator[_Piece]:
     for first in range(0, len(solid.faces), _FACES_PER_BODY):
         faces = solid.faces[first : first + _FACES_PER_BODY]
         used, indices = np.unique(faces, return_inverse=True)
-        yield _Piece(solid.name, solid.positions[used].tolist(), indices.ravel().tolist())
+        yield _Piece(Hit(solid.part, solid.name), solid.positions[used].tolist(), indices.ravel().tolist())

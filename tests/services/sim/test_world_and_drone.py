@@ -8,20 +8,21 @@ import pytest
 from contracts.geometry import Point3, Pose
 from contracts.sim import Flight, Move
 from services.sim.drone import fly
-from services.sim.world import EDGE, GROUND, Blueprint, Solid, World
+from services.sim.geometry.scene_mesh import Solid
+from services.sim.world import EDGE, GROUND, Blueprint, Hit, World
 
 BOX_FACES = np.array(
     [
         *((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1)),
         *((2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)),
     ],
-    np.uint32,
+    np.int32,
 )
 
 
 def box(name: str, low: tuple[float, float, float], high: tuple[float, float, float]) -> Solid:
     corners = [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
-    return Solid(name, np.array(corners, np.float32), BOX_FACES)
+    return Solid(1, name, np.array(corners, np.float64), BOX_FACES)
 
 
 def blueprint() -> Blueprint:
@@ -152,11 +153,8 @@ def test_a_climb_keeps_the_nose_where_it_points(world: World) -> None:
 
 def test_rays_name_the_first_thing_and_never_the_drone(world: World) -> None:
     world.clearance_m((2.0, 0.0, 6.0))  # leaves the sphere right on the ray
-    assert world.first_hits((0.0, 0.0, 6.0), [(20.0, 0.0, 6.0), (4.9, 0.0, 6.0), (0.0, 0.0, -1.0)]) == [
-        "house",
-        None,
-        GROUND,
-    ]
+    ends = [(20.0, 0.0, 6.0), (4.9, 0.0, 6.0), (0.0, 0.0, -1.0)]
+    assert world.first_hits((0.0, 0.0, 6.0), ends) == [Hit(1, "house"), None, Hit(0, GROUND)]
 
 
 def test_worlds_are_isolated_from_each_other(world: World) -> None:
