@@ -116,9 +116,8 @@ class GlRenderer:
             "ids": self._gl.program(shaders.IDS_VERTEX, shaders.IDS_FRAGMENT),
         }
         corners = np.array([(-1, -1), (3, -1), (-1, 3)], "<f4")
-        self._sky = self._gl.vertex_array(
-            self._programs["sky"], [(self._gl.buffer(corners.tobytes()), "2f", "in_corner")]
-        )
+        buffer = self._gl.buffer(corners.tobytes())
+        self._sky = self._gl.vertex_array(self._programs["sky"], [(buffer, "2f", "in_corner")])
         self._textures: dict[int, tuple[TextureSet, moderngl.TextureArray]] = {}
         self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
 
@@ -167,7 +166,8 @@ class GlRenderer:
         pixels[..., :3] = textures.images[:, ::-1]
         array = self._gl.texture_array((width, height, layers), 4, pixels.tobytes())
         array.build_mipmaps()
-        array.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        # blending between mip levels as well costs a quarter more in software and hardly shows
+        array.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
         self._textures[id(textures)] = (textures, array)
         return array
 
@@ -192,7 +192,7 @@ class GlRenderer:
         target.use()
         target.clear(depth=1.0)
         self._gl.enable_only(moderngl.DEPTH_TEST)
-        self._programs["shadow"]["to_sun"].write(_sun_matrix(uploaded.scene).T.astype("<f4").tobytes())
+        _set_matrix(self._programs["shadow"], "to_sun", _sun_matrix(uploaded.scene))
         uploaded.shadow.render()
         target.release()
 
@@ -220,7 +220,7 @@ class GlRenderer:
             # rows leave the card bottom first; the picture is drawn upside down instead, which turns the faces round
             self._gl.front_face = "cw"
             self._gl.depth_func = "<"
-            program["to_clip"].write(_clip_matrix(axes, eye).T.astype("<f4").tobytes())
+            _set_matrix(program, "to_clip", _clip_matrix(axes, eye))
             order = visible_chunks(uploaded.low, uploaded.high, eye, axes)
             if len(order):
                 uploaded.indirect.write(uploaded.commands[order].tobytes())
@@ -228,7 +228,7 @@ class GlRenderer:
             if what == "scene":
                 self._gl.disable(moderngl.CULL_FACE)
                 self._gl.depth_func = "<="
-                self._programs["sky"]["axes"].write(axes.T.astype("<f4").tobytes())
+                _set_matrix(self._programs["sky"], "axes", axes)
                 self._sky.render()
 
     def _set_light(self, uploaded: GlScene) -> None:
@@ -239,7 +239,7 @@ class GlRenderer:
         uploaded.shade.use(1)
         scene, sky = self._programs["scene"], self._programs["sky"]
         scene["surface"], scene["shade"], sky["surface"] = 0, 1, 0
-        scene["to_sun"].write(_sun_matrix(uploaded.scene).T.astype("<f4").tobytes())
+        _set_matrix(scene, "to_sun", _sun_matrix(uploaded.scene))
         scene["sun"] = sky["sun"] = tuple(sun)
         scene["fill_light"] = tuple(fill_direction(light))
         for name, value in (("sun_light", weather.sun), ("sky_light", weather.sky), ("ground_light", weather.ground)):
@@ -248,6 +248,12 @@ class GlRenderer:
         for name in ("zenith", "horizon", "cloud", "cover", "glow"):
             sky[name] = getattr(weather, name)
         sky["cloud_layer"] = float(uploaded.scene.textures.layer("clouds"))
+
+
+def _set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float64]) -> None:
+    uniform = program[name]
+    assert isinstance(uniform, moderngl.Uniform)
+    uniform.write(matrix.T.astype("<f4").tobytes())
 
 
 def _clip_matrix(axes: NDArray[np.float64], eye: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ relative to the nose, positive to the right, that is clockwise seen from above.
 
 from collections.abc import Sequence
 from math import cos, radians, sin
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +47,11 @@ class Renderer(Protocol):
 
     def upload(self, scene: SceneMesh) -> Uploaded: ...
 
-    def render(self, uploaded: Uploaded, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
+    def render(self, uploaded: Any, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
         """Pictures and depth of each view, `size` pixels square."""
         ...
 
-    def render_ids(
-        self, uploaded: Uploaded, pose: Pose, headings_deg: Sequence[float], size: int
-    ) -> NDArray[np.uint16]:
+    def render_ids(self, uploaded: Any, pose: Pose, headings_deg: Sequence[float], size: int) -> NDArray[np.uint16]:
         """(V, H, W): the id of the part seen in each pixel, 0 for none."""
         ...
 

@@ -1,0 +1,193 @@
+"""The fallback without OpenGL: PyBullet's TinyRenderer draws the same triangles, plainer and about ten times slower.
+
+Tiled textures are replaced by their mean colour; pictures (window panes, posters) stay. All of them live in one
+atlas, because a body has one texture.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from math import ceil, sqrt
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from contracts.geometry import Pose
+from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
+from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.render.light import WEATHER, sun_direction
+from services.sim.render.views import RenderedViews, view_axes
+
+NEAR_M, FAR_M = 0.1, 400.0
+_CELL = 64
+_ATLAS = 2048
+_MAX_FACES = 20_000
+
+
+class TinyScene:
+    """One scene in a PyBullet client of its own."""
+
+    def __init__(self, scene: SceneMesh) -> None:
+        self.scene = scene
+        self.client = pybullet.connect(pybullet.DIRECT)
+        self.part_of_body = np.zeros(1, np.uint16)
+        bodies: dict[int, int] = {}
+        atlas, uv = _atlas(scene)
+        with tempfile.TemporaryDirectory() as folder:
+            path = str(Path(folder) / "atlas.png")
+            cv2.imwrite(path, cv2.cvtColor(atlas, cv2.COLOR_RGB2BGR))
+            texture = pybullet.loadTexture(path, physicsClientId=self.client)
+        part_of_face = scene.part_of[scene.mesh.faces[:, 0]]
+        for part in np.unique(part_of_face):
+            faces = np.nonzero(part_of_face == part)[0]
+            for at in range(0, len(faces), _MAX_FACES):
+                bodies[self._body(scene.mesh.faces[faces[at : at + _MAX_FACES]], uv, texture)] = int(part)
+        self.part_of_body = np.zeros(max(bodies, default=0) + 2, np.uint16)
+        for body, part in bodies.items():
+            self.part_of_body[body] = part
+
+    def _body(self, faces: NDArray[np.uint32], uv: NDArray[np.float32], texture: int) -> int:
+        used, indices = np.unique(faces, return_inverse=True)
+        mesh = self.scene.mesh
+        shape = pybullet.createVisualShape(
+            pybullet.GEOM_MESH,
+            vertices=mesh.positions[used].tolist(),
+            indices=indices.ravel().tolist(),
+            normals=mesh.normals[used].tolist(),
+            uvs=uv[used].tolist(),
+            rgbaColor=(1, 1, 1, 1),
+            specularColor=(0, 0, 0),
+            physicsClientId=self.client,
+        )
+        body = int(pybullet.createMultiBody(0, -1, shape, physicsClientId=self.client))
+        pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=self.client)
+        return body
+
+    def release(self) -> None:
+        pybullet.disconnect(self.client)
+
+
+class TinyRenderer:
+    """Same views as the OpenGL renderer's, without shadows, clouds and tiled textures."""
+
+    name: Literal["moderngl", "tiny"] = "tiny"
+
+    def __init__(self, reason: str = "asked for", max_size: int = 1600, max_views: int = 5) -> None:
+        self.detail = f"tiny (PyBullet TinyRenderer): {reason}"
+        self._max_size, self._max_views = max_size, max_views
+
+    def upload(self, scene: SceneMesh) -> TinyScene:
+        return TinyScene(scene)
+
+    def render(self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
+        """Pictures and depth of each view. Raises ValueError beyond the limits."""
+        self._check(headings_deg, size)
+        shape = (len(headings_deg), size, size)
+        rgb, depth = np.empty((*shape, 3), np.uint8), np.empty(shape, np.uint16)
+        for i, heading in enumerate(headings_deg):
+            colour, buffer, _ = _picture(uploaded, pose, heading, size)
+            hit = buffer < 1.0
+            metres = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * buffer)
+            units = np.clip(np.rint(metres / DEPTH_METRES_PER_UNIT), 1, NO_RETURN)
+            depth[i] = np.where(hit, units, NO_RETURN)
+            rgb[i] = np.where(hit[..., None], colour, _sky(uploaded.scene, size))
+        return RenderedViews(rgb, depth)
+
+    def render_ids(
+        self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int
+    ) -> NDArray[np.uint16]:
+        """(V, H, W) ids of parts. Raises ValueError beyond the limits."""
+        self._check(headings_deg, size)
+        return np.stack([uploaded.part_of_body[_picture(uploaded, pose, h, size)[2]] for h in headings_deg])
+
+    def close(self) -> None:
+        """Nothing is held beyond the scenes, which release themselves."""
+
+    def _check(self, headings_deg: Sequence[float], size: int) -> None:
+        if not 1 <= size <= self._max_size or not 1 <= len(headings_deg) <= self._max_views:
+            raise ValueError(
+                f"asked for {len(headings_deg)} views of {size} px; 1..{self._max_views} views "
+                f"of 1..{self._max_size} px can be drawn"
+            )
+
+
+def _picture(
+    uploaded: TinyScene, pose: Pose, heading: float, size: int
+) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int64]]:
+    """Colours (H, W, 3), depth buffer (H, W) 0..1 and bodies (H, W), -1 for none."""
+    eye = np.array([pose.x, pose.y, pose.z])
+    forward = view_axes(pose, heading)[2]
+    light = uploaded.scene.light
+    weather = WEATHER[light.sky]
+    view = pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), (0, 0, 1))
+    lens = pybullet.computeProjectionMatrixFOV(90.0, 1.0, NEAR_M, FAR_M)
+    _, _, rgba, depth, bodies = pybullet.getCameraImage(
+        size,
+        size,
+        view,
+        lens,
+        lightDirection=(sun_direction(light) * 100).tolist(),
+        lightColor=(1, 1, 1),
+        lightAmbientCoeff=min(0.9, 0.62 * light.exposure),
+        lightDiffuseCoeff=0.45 * weather.sun[0] * light.exposure,
+        lightSpecularCoeff=0.0,
+        shadow=0,
+        renderer=pybullet.ER_TINY_RENDERER,
+        physicsClientId=uploaded.client,
+    )
+    return (
+        np.asarray(rgba, np.uint8).reshape(size, size, 4)[..., :3],
+        np.asarray(depth, np.float64).reshape(size, size),
+        np.asarray(bodies, np.int64).reshape(size, size),
+    )
+
+
+def _sky(scene: SceneMesh, size: int) -> NDArray[np.uint8]:
+    """(size, 1, 3): from the horizon in the middle row upwards."""
+    weather = WEATHER[scene.light.sky]
+    rise = np.clip((size / 2 - np.arange(size) - 0.5) / (size / 2), 0, 1)[:, None]
+    up = rise / np.sqrt(1 + rise**2)
+    share = 1 - (1 - up) ** 3
+    colour = np.array(weather.horizon) * (1 - share) + np.array(weather.zenith) * share
+    return np.rint(np.sqrt(colour) * 255).astype(np.uint8)[:, None, :]
+
+
+def _atlas(scene: SceneMesh) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """One picture with every flat colour and every picture that the scene uses, and the uv (N, 2) into it."""
+    mesh, textures = scene.mesh, scene.textures
+    mean = np.array([p.reshape(-1, 3).mean(axis=0) / 255 for p in textures.images])
+    pictures = _picture_vertices(scene)
+    flat = np.rint(mesh.colours * mean[mesh.layer]).astype(np.uint32)
+    code = (flat[:, 0] << 16) | (flat[:, 1] << 8) | flat[:, 2]
+    palette, entry = np.unique(code, return_inverse=True)
+    side = ceil(sqrt(len(palette)))
+    atlas = np.zeros((_ATLAS, _ATLAS, 3), np.uint8)
+    columns = _ATLAS // _CELL
+    layers = np.unique(mesh.layer[pictures])
+    rows = ceil(len(layers) / columns)
+    # pictures from the top, then the palette as single pixels below them
+    top = rows * _CELL
+    width = min(_ATLAS, max(side, 1))
+    x, y = entry % width, top + entry // width
+    if len(palette) and int(y.max()) >= _ATLAS:
+        raise ValueError(f"{len(palette)} colours and {len(layers)} pictures don't fit into the fallback's atlas")
+    atlas[y, x] = flat
+    uv = np.column_stack([(x + 0.5) / _ATLAS, (y + 0.5) / _ATLAS])
+    for cell, layer in enumerate(layers):
+        row, column = divmod(cell, columns)
+        image = cv2.resize(textures.images[layer], (_CELL, _CELL), interpolation=cv2.INTER_AREA)
+        atlas[row * _CELL : (row + 1) * _CELL, column * _CELL : (column + 1) * _CELL] = image
+        mine = pictures & (mesh.layer == layer)
+        inset = 0.5 + np.clip(mesh.uv[mine], 0, 1) * (_CELL - 1)
+        uv[mine] = np.column_stack([column * _CELL + inset[:, 0], (row + 1) * _CELL - inset[:, 1]]) / _ATLAS
+    uv[:, 1] = 1 - uv[:, 1]
+    return atlas, uv.astype(np.float32)
+
+
+def _picture_vertices(scene: SceneMesh) -> NDArray[np.bool_]:
+    """(N,) whether a vertex belongs to a picture: a layer that isn't tiled and isn't plain."""
+    layer = scene.mesh.layer
+    return np.asarray((scene.textures.tile_m[layer] == 1.0) & (layer != 0))
