@@ -45,9 +45,10 @@ class ViewpointQuestion(Wire):
 
 
 class Split(Wire):
-    """One candidate split after slice `j` (1..slices - 1, from the left), oriented as the search runs: `difference_m`
-    is open side minus facade side (eq. 4), `variance_m2` the sum of squared deviations within both parts (eq. 5),
-    `over` how many facade slices lie beyond d_max."""
+    """One candidate split after slice `j` (1..slices - 1), counted from the open side: from the picture's left flying
+    clockwise, from its right flying counter-clockwise. `difference_m` is open side minus facade side (eq. 4),
+    `variance_m2` the sum of squared deviations within both parts (eq. 5), `over` how many facade slices lie beyond
+    d_max."""
 
     j: int
     difference_m: float
@@ -77,18 +78,24 @@ class ViewpointAnswer(Wire):
 
 
 class SafeDistanceSettings(Wire):
-    """`corridor`: the nearest return in the corridor that the drone's body would sweep, minus `clearance_m`, at most
-    `l_max_m`. `bare`: eq. 7 as printed, the one pixel's distance."""
+    """`corridor`: how far the drone, as a ball grown by `clearance_m`, flies before it would touch a return, at most
+    `l_max_m`; where something lies nearer than that already, the ball is grown by as much as there is room, but by
+    `tight_clearance_m` at least. `bare`: eq. 7 as printed, the one pixel's distance."""
 
     variant: Literal["corridor", "bare"] = "corridor"
     l_max_m: Positive = 10.0
     drone_radius_m: Positive = 0.35
     clearance_m: Metres = 1.5
+    tight_clearance_m: Metres = 0.5
     sensor_range_m: Positive = 60.0
 
 
 class SafeDistancesQuestion(Wire):
+    """`others`: further views of the same moment, with other headings; the corridors of the outer points leave the
+    picture of `view`, and only the neighbouring cameras see what stands there."""
+
     view: ViewDepth
+    others: tuple[ViewDepth, ...] = Field(default=(), max_length=4)
     settings: SafeDistanceSettings = SafeDistanceSettings()
 
 
@@ -110,20 +117,23 @@ class SafeDistancesAnswer(Wire):
 
 
 class ApproachSettings(Wire):
-    """The drone stops `stop_distance_m` in front of the thing in the box (its centre to the facade's nearest return)
-    and keeps `clearance_m` beyond its own radius on the way."""
+    """The drone stops `stop_distance_m` in front of the thing in the box along the facade's normal, farther out where
+    a railing or ledge needs it, and keeps `clearance_m` beyond its own radius all the way. It keeps its height while
+    that is within `height_slack_m` of the thing's."""
 
     drone_radius_m: Positive = 0.35
     clearance_m: Metres = 0.6
     stop_distance_m: Positive = 2.0
+    height_slack_m: Metres = 0.75
     sensor_range_m: Positive = 60.0
 
 
 class ApproachQuestion(Wire):
-    """`pose` is the drone's measured pose when the view was taken; `max_leg_m` caps the flight, so that a far target
-    is approached in several looks."""
+    """`pose` is the drone's measured pose when the view was taken; `others`: further views of the same moment, for what
+    lies beside the way. `max_leg_m` caps the flight, so that a far target is approached in several looks."""
 
     view: ViewDepth
+    others: tuple[ViewDepth, ...] = Field(default=(), max_length=4)
     box: Box
     pose: Pose
     settings: ApproachSettings = ApproachSettings()
@@ -131,13 +141,17 @@ class ApproachQuestion(Wire):
 
 
 class ApproachAnswer(Wire):
-    """`target`: the thing's place by depth. `facing_yaw`: towards the facade it stands at, along the facade's
-    estimated normal. `path`: waypoints in flying order, the last one `stop`. `reached`: the path ends at the final
-    stop rather than at a cut-off leg. `status` other than `clear` comes with an empty path."""
+    """`target`: the thing's place by depth (its z is the height above ground). `facing_yaw`: towards the facade it
+    stands at, along the facade's estimated normal; `plane_share` is how much of the surroundings lies on the plane that
+    was fitted, 0 where none fitted and the facade is taken to face the drone. `path`: waypoints in flying order.
+    `reached`: the path ends at `stop` rather than at a cut-off leg. `target_distance_m`: level, from the drone.
+    `free_distance_m`: how much of the straight line towards `stop` is free. `status` other than `clear` comes with an
+    empty path: `blocked` where no free way was seen, `no_depth` where nothing is measured in the box."""
 
     status: Literal["clear", "blocked", "no_depth"]
     target: Point3 | None = None
     facing_yaw: float | None = None
+    plane_share: float | None = None
     stop: Point3 | None = None
     path: tuple[Point3, ...] = ()
     reached: bool = False
