@@ -146,6 +146,21 @@ def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m
     return np.concatenate(parts) if parts else np.zeros((0, 3), np.float32)
 
 
+def nearest_of_blocks(view: DepthView, block: int = 4) -> NDArray[np.bool_]:
+    """(H, W) mask of the nearest return of every `block` x `block` pixels: a thin cloud that keeps thin things."""
+    height, width = view.depth_m.shape
+    padded = np.full((-(-height // block) * block, -(-width // block) * block), np.inf, np.float32)
+    padded[:height, :width] = np.where(np.isnan(view.depth_m), np.inf, view.depth_m)
+    blocks = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block).swapaxes(1, 2)
+    nearest = blocks.reshape(*blocks.shape[:2], block * block).argmin(axis=2)
+    mask = np.zeros((height, width), bool)
+    rows, columns = np.indices(nearest.shape)
+    at = rows * block + nearest // block, columns * block + nearest % block
+    inside = (at[0] < height) & (at[1] < width)
+    mask[at[0][inside], at[1][inside]] = True
+    return mask
+
+
 def to_enu(points: Points, pose: Pose) -> Points:
     """(N, 3) nose frame to ENU."""
     forward = direction(pose.yaw, 0.0)

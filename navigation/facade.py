@@ -50,7 +50,7 @@ def facade_top_m(depth_m: Depth, stand_off: float, camera_height_m: float, setti
     upper edge, its top being out of sight, or where most of the middle is invalid; the height of the picture's lower
     edge on the facade where there is no wall in the picture at all.
     """
-    height, width = depth_m.shape
+    height, width = int(depth_m.shape[0]), int(depth_m.shape[1])
     strip = depth_m[:, _middle(width, settings.centre_share)]
     if np.isnan(strip).mean() > 1.0 - settings.min_valid_share:
         return None

@@ -1,0 +1,187 @@
+"""The approach: from a seen box to a safe stop in front of the facade, on a way that depth has shown to be free."""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from navigation import target as targets
+from navigation.camera import (
+    DepthView,
+    Place,
+    Points,
+    Pose,
+    cloud,
+    nearest_of_blocks,
+    pinhole,
+    to_enu,
+)
+from navigation.target import Box, Target
+
+
+class Settings(NamedTuple):
+    """Free constants of the approach.
+
+    `stop_distance_m`: from the drone's centre to the thing, along the facade's normal; more where a railing juts out,
+    so that `clearance_m` beyond the drone's radius stays free. `height_slack_m`: the drone keeps its height while that
+    is within so much of the thing's. `max_protrusion_m`: what juts out farther belongs no more to the facade.
+    `unseen_m`: so near to the drone the cameras cannot look round; it stands there already, so that is taken as free.
+    `slide_offsets_m` and `retreats_m`: where the corner of a two-leg way is tried, sideways from the straight line in
+    front of the thing and out from the stop.
+    """
+
+    drone_radius_m: float = 0.35
+    clearance_m: float = 0.6
+    stop_distance_m: float = 2.0
+    height_slack_m: float = 0.75
+    max_protrusion_m: float = 3.0
+    unseen_m: float = 1.5
+    slide_offsets_m: tuple[float, ...] = (0.0, -1.5, 1.5, -3.0, 3.0, -5.0, 5.0)
+    retreats_m: tuple[float, ...] = (2.0, 4.0, 6.0, 9.0, 12.0)
+    target: targets.Settings = targets.Settings()
+
+
+class Approach(NamedTuple):
+    """`status`: `clear` with a path; `blocked`: no free way was seen; `no_depth`: nothing measurable in the box.
+
+    `path`: waypoints in flying order, without the start. `reached`: the path ends at `stop`, not at a cut-off leg.
+    `free_distance_m`: how far the straight line towards the stop is free."""
+
+    status: Literal["clear", "blocked", "no_depth"]
+    target: Target | None = None
+    stop: Place | None = None
+    path: tuple[Place, ...] = ()
+    reached: bool = False
+    free_distance_m: float | None = None
+
+
+def plan_approach(
+    view: DepthView, others: Sequence[DepthView], box: Box, pose: Pose, settings: Settings, max_leg_m: float
+) -> Approach:
+    """The way from `pose` to the stop in front of the thing in `box` of `view`.
+
+    Straight if that is free, else by one corner: sideways or back first, then in. A way is free where a ball of the
+    drone's radius + clearance touches no return of any view, and every part of it lies where some view looked
+    through. `others` are further views of the same moment. `max_leg_m` caps the whole flight.
+    """
+    found = targets.locate(view, box, pose, settings.target)
+    if found is None:
+        return Approach("no_depth")
+    views = (view, *others)
+    points = np.concatenate([to_enu(cloud(v, nearest_of_blocks(v)), pose) for v in views])
+    stop = stop_place(found, points, pose, settings)
+    start = Place(pose.x, pose.y, pose.z)
+    points = _within_reach(points, start, stop, settings)
+    free = free_along(points, start, stop, settings)
+    for way in _ways(start, stop, found, settings):
+        if _is_free(way, points, views, pose, settings):
+            path, reached = _cut(way, max_leg_m)
+            return Approach("clear", found, stop, path, reached, free)
+    return Approach("blocked", found, stop, (), False, free)
+
+
+def stop_place(target: Target, points: Points, pose: Pose, settings: Settings) -> Place:
+    """Where the drone stops: in front of the thing along the facade's normal, clear of what juts out beside it.
+
+    points: (N, 3) ENU.
+    """
+    room = settings.drone_radius_m + settings.clearance_m
+    z = min(max(pose.z, target.place.z - settings.height_slack_m), target.place.z + settings.height_slack_m)
+    level = target._replace(place=target.place._replace(z=z))
+    juts = targets.protrusion_m(points, level, room, settings.max_protrusion_m)
+    out = max(settings.stop_distance_m, juts + room + 0.05)
+    return Place(target.place.x + target.normal[0] * out, target.place.y + target.normal[1] * out, z)
+
+
+def free_along(points: Points, start: Place, end: Place, settings: Settings) -> float:
+    """How far the drone, grown by its clearance, can fly from start towards end; at most their distance.
+
+    points: (N, 3) ENU. What lies within that distance of the start already counts only as far as it comes nearer.
+    """
+    leg = np.array(end, np.float64) - np.array(start, np.float64)
+    length = float(np.linalg.norm(leg))
+    if length == 0.0 or not len(points):
+        return length
+    unit = (leg / length).astype(np.float32)
+    gap = points - np.array(start, np.float32)
+    squared = np.einsum("ij,ij->i", gap, gap)
+    full = settings.drone_radius_m + settings.clearance_m
+    radius = min(full, max(settings.drone_radius_m, 0.95 * math.sqrt(float(squared.min()))))
+    along = gap @ unit
+    aside_squared = squared - along * along
+    hit = (along > 0.0) & (aside_squared < radius * radius)
+    if not hit.any():
+        return length
+    stops = along[hit] - np.sqrt(radius * radius - np.maximum(aside_squared[hit], 0.0))
+    return min(length, max(0.0, float(stops.min())))
+
+
+def _ways(start: Place, stop: Place, target: Target, settings: Settings) -> Iterator[tuple[Place, ...]]:
+    """The straight way, then the two-leg ways, shortest first."""
+    yield start, stop
+    corners = [
+        Place(stop.x + out * east - side * north, stop.y + out * north + side * east, z)
+        for east, north in (target.normal,)
+        for out in settings.retreats_m
+        for side in settings.slide_offsets_m
+        for z in (start.z, stop.z)
+    ]
+    ways = {(start, corner, stop) for corner in corners}
+    yield from sorted(ways, key=lambda way: (sum(math.dist(a, b) for a, b in pairwise(way)), way))
+
+
+def _within_reach(points: Points, start: Place, stop: Place, settings: Settings) -> Points:
+    """The points that could touch any of the tried ways."""
+    room = settings.drone_radius_m + settings.clearance_m
+    reach = room + math.hypot(max(settings.retreats_m), max(abs(side) for side in settings.slide_offsets_m))
+    margin = np.array((reach, reach, room))
+    low, high = np.minimum(start, stop) - margin, np.maximum(start, stop) + margin
+    kept: Points = points[((points >= low) & (points <= high)).all(axis=1)]
+    return kept
+
+
+def _is_free(
+    way: tuple[Place, ...], points: Points, views: Sequence[DepthView], pose: Pose, settings: Settings
+) -> bool:
+    legs = list(pairwise(way))
+    if any(free_along(points, a, b, settings) < math.dist(a, b) - 1e-6 for a, b in legs):
+        return False
+    return all(_looked_through(a, b, views, pose, settings) for a, b in legs)
+
+
+def _looked_through(a: Place, b: Place, views: Sequence[DepthView], pose: Pose, settings: Settings) -> bool:
+    """Does some view see past every half metre of the leg, the drone's own surroundings apart?"""
+    count = max(2, math.ceil(math.dist(a, b) / 0.5) + 1)
+    places = np.linspace(np.array(a), np.array(b), count)
+    gap = places - np.array([pose.x, pose.y, pose.z])
+    seen = np.linalg.norm(gap, axis=1) <= settings.unseen_m
+    for view in views:
+        height, width = view.depth_m.shape
+        camera = pinhole(width, height)
+        angle = pose.yaw - math.radians(view.heading_deg)
+        forward = gap[:, 0] * math.cos(angle) + gap[:, 1] * math.sin(angle)
+        right = gap[:, 0] * math.sin(angle) - gap[:, 1] * math.cos(angle)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x = right / forward * camera.focal_px + width / 2.0
+            y = height / 2.0 - gap[:, 2] / forward * camera.focal_px
+        inside = (forward > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        rows, columns = y[inside].astype(np.intp), x[inside].astype(np.intp)
+        seen[inside] |= view.depth_m[rows, columns] > forward[inside]
+    return bool(seen.all())
+
+
+def _cut(way: tuple[Place, ...], max_leg_m: float) -> tuple[tuple[Place, ...], bool]:
+    """The way without its start, ended after `max_leg_m`; and whether it still reaches its end."""
+    path: list[Place] = []
+    left = max_leg_m
+    for a, b in pairwise(way):
+        length = math.dist(a, b)
+        if length > left:
+            share = left / length
+            path.append(Place(*(p + (q - p) * share for p, q in zip(a, b, strict=True))))
+            return tuple(path), False
+        path.append(b)
+        left -= length
+    return tuple(path), True
