@@ -105,6 +105,39 @@ def test_a_drone_at_a_wall_can_fly_off_but_not_on(world: World) -> None:
     assert off.pose.x == pytest.approx(0.0)
 
 
+def test_sweeps_agree_with_a_dense_walk_past_random_boxes() -> None:
+    rng = np.random.default_rng(5)
+    lows = rng.uniform(-6, 6, (12, 3)) + (0, 0, 10)
+    highs = lows + rng.uniform(0.02, 3.0, (12, 3))
+    solids = [box(f"b{i}", tuple(lows[i]), tuple(highs[i])) for i in range(12)]
+    world = World(Blueprint(solids, half_size_m=60.0, roof_m=20.0), radius_m=0.35)
+    stopped = 0
+    try:
+        for start, end in rng.uniform(-8, 8, (60, 2, 3)) + (0, 0, 10):
+            length = float(np.linalg.norm(end - start))
+            walk = start + (end - start) * np.linspace(0, 1, int(length / 0.002))[:, None]
+            gap = np.maximum(np.maximum(lows - walk[:, None], walk[:, None] - highs), 0.0)
+            clearance = np.linalg.norm(gap, axis=2).min(axis=1) - 0.35
+            if clearance[0] < 0.01:
+                continue
+            touched = np.flatnonzero(clearance < 0.001)
+            expected = length * touched[0] / (len(walk) - 1) if len(touched) else length
+            free_m, hit = world.sweep(tuple(start), tuple(end))
+            grazing = clearance.min() < 0.004
+            if not grazing or len(touched):
+                assert (hit is not None) == bool(len(touched))
+            assert free_m <= expected + 0.01
+            assert clearance[: int(free_m / 0.002)].min(initial=1.0) > -0.002
+            if hit is None:
+                assert free_m == pytest.approx(length)
+            else:
+                stopped += 1
+                assert clearance[min(int(free_m / 0.002), len(clearance) - 1)] < 0.006
+    finally:
+        world.close()
+    assert stopped > 15
+
+
 def test_flying_along_a_wall_within_the_clearance_is_free(world: World) -> None:
     flown = fly(world, Flight(), pose(4.6, -4.0, 6), to((4.6, 4.0, 6.0)))
     assert flown.hit is None

@@ -1,0 +1,174 @@
+"""What really is in the pictures: for the oracle back end and for measuring models, never for a mission.
+
+Everything comes from the renderer's id pixels (which part is seen in each pixel) and the scene document.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.geometry import Box, Heading, Point3, Pose
+from contracts.scene import Building, Scene
+from contracts.scene_layout import floor_outline
+from contracts.sim import TruthView, VisibleObject
+from navigation.shortest_path import NoWay, VisibilityGraph
+from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.judge import Thing, goal_window
+from services.sim.render.views import NEAR_M, project, view_axes
+
+Ids = NDArray[np.uint16]
+"""(H, W): the id of the part seen in each pixel, 0 for none."""
+
+WAY_CLEARANCE_M = 0.8
+"""How far the shortest way keeps from walls: the drone's radius and some air."""
+GOAL_STAND_OFF_M = 1.5
+_OUTLINE_PX = 256
+
+
+def truth_view(
+    scene: Scene, mesh: SceneMesh, things: Mapping[str, Thing], pose: Pose, heading: Heading, ids: Ids
+) -> TruthView:
+    """What one view shows. `ids` as the renderer drew them at `pose` towards `heading`."""
+    counts = np.bincount(ids.ravel(), minlength=len(mesh.parts) + 1)
+    objects = []
+    for o in scene.objects:
+        thing = things[o.id]
+        pixels = int(counts[thing.part])
+        box = _box_of(ids == thing.part) if pixels else None
+        if box is None:
+            continue
+        whole = outline_pixels(_triangles(mesh, thing.part), pose, heading, len(ids))
+        objects.append(
+            VisibleObject(
+                id=o.id,
+                kind=o.kind,
+                colour=o.colour,
+                goal=o.id == scene.goal,
+                box=box,
+                pixels=pixels,
+                share=min(1.0, pixels / whole) if whole > 0 else 1.0,
+                distance_m=math.dist((pose.x, pose.y, pose.z), thing.middle),
+            )
+        )
+    target = ids == mesh.part("building", scene.target).id
+    rows = floor_rows(scene.building(scene.target), pose, heading, target)
+    return TruthView(
+        heading_deg=heading,
+        objects=tuple(sorted(objects, key=lambda v: -v.pixels)),
+        building_box=_box_of(target),
+        floors_visible=len(rows),
+        floor_rows=tuple(rows),
+    )
+
+
+def floor_rows(building: Building, pose: Pose, heading_deg: float, seen: NDArray[np.bool_]) -> list[float]:
+    """The rows (0..1 of the height, lowest floor first) of the floors that one can count in a view.
+
+    Counted up one column of the picture, the one nearest to its middle in which the building is seen at all: there,
+    on the facade it meets first, a floor counts when the middle height of its windows lies inside the picture and
+    the building is seen at that height somewhere near the column (a lamp post or a tree may stand right before it).
+    """
+    size = len(seen)
+    columns = np.flatnonzero(seen.any(axis=0))
+    if not len(columns):
+        return []
+    column = int(columns[np.abs(columns + 0.5 - size / 2).argmin()])
+    right, _, forward = view_axes(pose, heading_deg)
+    ray = forward + (column + 0.5 - size / 2) / (size / 2) * right
+    near = slice(max(0, column - size // 4), column + size // 4 + 1)
+    rows = []
+    for floor in range(1, building.floors + 1):
+        depth_m = _first_wall_m(floor_outline(building, floor), (pose.x, pose.y), (float(ray[0]), float(ray[1])))
+        if depth_m is None:
+            continue
+        windows = building.windows
+        z = (floor - 1) * building.floor_height_m + windows.sill_m + windows.height_m / 2
+        row = size / 2 - size / 2 * (z - pose.z) / depth_m
+        if 0.0 <= row < size and seen[int(row), near].any():
+            rows.append(row / size)
+    return rows
+
+
+def outline_pixels(triangles: NDArray[np.float32], pose: Pose, heading_deg: float, size: int) -> float:
+    """How many pixels a thing would cover with nothing before it and a picture without borders.
+
+    triangles: (M, 3, 3) metres. Painted alone on a canvas of its own, finer than the picture; what reaches behind
+    the camera is left out.
+    """
+    corners = project(pose, heading_deg, size, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
+    corners = corners[(corners[:, :, 2] > NEAR_M).all(axis=1)][:, :, :2]
+    if not len(corners):
+        return 0.0
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    finer = _OUTLINE_PX / max(float((high - low).max()), 1e-6)
+    canvas = np.zeros((_OUTLINE_PX + 2, _OUTLINE_PX + 2), np.uint8)
+    sixteenths = np.rint(((corners - low) * finer + 0.5) * 16).astype(np.int32)
+    for triangle in sixteenths:
+        cv2.fillConvexPoly(canvas, triangle, 1, lineType=cv2.LINE_8, shift=4)
+    return float(canvas.sum()) / finer**2
+
+
+class WayHome:
+    """The remaining way to the goal's window: round the buildings on the plan, plus the difference in height."""
+
+    def __init__(self, scene: Scene, things: Mapping[str, Thing]) -> None:
+        outlines = [[(p.x, p.y) for p in building.footprint] for building in scene.buildings]
+        self._graph = VisibilityGraph(outlines, WAY_CLEARANCE_M)
+        self._goal = _stop_before_goal(scene, things)
+
+    def remaining_m(self, places: Sequence[Point3]) -> tuple[float | None, ...]:
+        """Metres from each place to a stop before the goal; null where there is no way, or no goal."""
+        if self._goal is None or not places:
+            return tuple(None for _ in places)
+        x, y, z = self._goal
+        ways = self._graph.routes([(p.x, p.y) for p in places], (x, y))
+        return tuple(
+            None if isinstance(way, NoWay) else way.length_m + abs(p.z - z) for p, way in zip(places, ways, strict=True)
+        )
+
+
+def _stop_before_goal(scene: Scene, things: Mapping[str, Thing]) -> tuple[float, float, float] | None:
+    slot = goal_window(scene)
+    if slot is not None:
+        x, y = (slot.centre[i] + slot.normal[i] * GOAL_STAND_OFF_M for i in (0, 1))
+        return x, y, slot.centre[2]
+    return None if scene.goal is None else things[scene.goal].middle
+
+
+def _triangles(mesh: SceneMesh, part: int) -> NDArray[np.float32]:
+    faces = mesh.mesh.faces
+    return np.asarray(mesh.mesh.positions[faces[mesh.part_of[faces[:, 0]] == part]], np.float32)
+
+
+def _box_of(mask: NDArray[np.bool_]) -> Box | None:
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return None
+    height, width = mask.shape
+    return Box(
+        x_min=columns[0] / width,
+        y_min=rows[0] / height,
+        x_max=(columns[-1] + 1) / width,
+        y_max=(rows[-1] + 1) / height,
+    )
+
+
+def _first_wall_m(
+    outline: Sequence[tuple[float, float]], start: tuple[float, float], ray: tuple[float, float]
+) -> float | None:
+    """How many times `ray` one goes from `start` until the first wall of a counter-clockwise outline that faces one."""
+    best = None
+    for i, a in enumerate(outline):
+        b = outline[(i + 1) % len(outline)]
+        ux, uy = b[0] - a[0], b[1] - a[1]
+        across = ray[0] * uy - ray[1] * ux
+        if across >= -1e-12:  # (uy, -ux) is the outward normal: the wall looks away
+            continue
+        t = ((a[0] - start[0]) * uy - (a[1] - start[1]) * ux) / across
+        s = ((a[0] - start[0]) * ray[1] - (a[1] - start[1]) * ray[0]) / across
+        if t > 0.0 and -1e-9 <= s <= 1.0 + 1e-9 and (best is None or t < best):
+            best = t
+    return best
