@@ -1,0 +1,269 @@
+"""Which of the noun phrases marks the customer's window: cues before and behind each phrase, added up."""
+
+from dataclasses import dataclass
+
+from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules import scope
+from services.llm_parser.rules.phrases import Phrase
+from services.llm_parser.rules.tokens import Kind, Token
+
+THRESHOLD = 1.0
+"""A phrase for which less speaks than this is not taken: a missing object is said, not guessed."""
+
+_LOOK = frozenset(
+    "look looking see spot find search searching recognise recognize identify notice identifiable identified marked marks "
+    "marker mark landmark reference watch seek spotting finding lookout recognisable recognizable marking flagged "
+    "distinguished beacon sign spots clue hint cue seeing locate locating follow visual identifier id indicator".split()
+)
+_STAND = frozenset("is are hangs stands sits hang stand sit lies hanging standing sitting lives".split())
+_NEAR = frozenset(
+    "near beside by behind under underneath below above opposite adjacent alongside next close besides against facing".split()
+)
+_DELIVER = frozenset(
+    "deliver bring send leave drop put take hand carry fly get need want ordered order expecting sending bringing expect "
+    "leaving dropping delivering place set await awaiting handing requested give buy bought receive want brought wants "
+    "purchased dispatched dispatch transport shipment order lower pick collect return ship pass waiting lost missing".split()
+)
+_PUT_OUT = frozenset("put placed place hung set stuck tied left keep kept have got had installed mounted taped parked propped".split())
+_SELF = frozenset("i we".split())
+_AT = frozenset("at by on in outside near beside behind next inside from below under above against across".split())
+_HAVE = frozenset("has have having got with 's shows displays features sports bears carries boasts showing holds wearing".split())
+_PLACES = lex.ANCHORS | lex.DWELLINGS
+
+
+@dataclass(frozen=True, slots=True)
+class ScoredPhrase:
+    phrase: Phrase
+    score: float
+
+
+def choose_object(tokens: list[Token], phrases: list[Phrase]) -> Phrase | None:
+    """The phrase that most speaks for being the mark, or None where none does."""
+    scored = score_phrases(tokens, phrases)
+    good = [s for s in scored if s.score >= THRESHOLD]
+    if not good:
+        return None
+    return max(good, key=lambda s: s.score).phrase
+
+
+def score_phrases(tokens: list[Token], phrases: list[Phrase]) -> list[ScoredPhrase]:
+    """Every phrase that names a thing, with its score."""
+    things = [p for p in phrases if tokens[p.head].norm not in lex.NON_OBJECTS or _measures(tokens, p)]
+    ordinal_choice = _mine_is_the(tokens)
+    scored = [_score(tokens, things, i) for i in range(len(things))]
+    if ordinal_choice is not None:
+        marked = [i for i, s in enumerate(scored) if s.score > 2.0 or _in_one_other(tokens, s.phrase)]
+        if len(marked) >= 2:
+            wanted = marked[ordinal_choice if ordinal_choice < 0 else min(ordinal_choice, len(marked) - 1)]
+            scored[wanted] = ScoredPhrase(scored[wanted].phrase, scored[wanted].score + 12.0)
+    return scored
+
+
+def _measures(tokens: list[Token], phrase: Phrase) -> bool:
+    return tokens[phrase.head].norm in lex.MEASURE_NOUNS and phrase.last > phrase.head + 1
+
+
+def _in_one_other(tokens: list[Token], phrase: Phrase) -> bool:
+    return any(t.norm in ("one", "other", "first", "second") for t in tokens[max(0, phrase.lead - 4) : phrase.lead])
+
+
+def _mine_is_the(tokens: list[Token]) -> int | None:
+    """"Mine is the second one": which of the marks in order, from 0, or -1 for the last."""
+    for at, token in enumerate(tokens[:-2]):
+        if token.norm in ("mine", "ours") or (token.norm in ("window", "flat") and tokens[at - 1].norm in ("my", "our")):
+            words = [t.norm for t in tokens[at + 1 : at + 6]]
+            if words[:1] == ["is"] or words[:1] == ["'s"]:
+                for word, index in (("first", 0), ("former", 0), ("second", 1), ("latter", 1), ("third", 2), ("last", -1)):
+                    if word in words[1:3] and "floor" not in words:
+                        return index
+    return None
+
+
+def _score(tokens: list[Token], things: list[Phrase], index: int) -> ScoredPhrase:
+    phrase = things[index]
+    before_limit = things[index - 1].last if index else 0
+    after_limit = things[index + 1].lead if index + 1 < len(things) else len(tokens)
+    score = _own_worth(tokens, phrase)
+    score += _cues_before(tokens, phrase, before_limit)
+    score += _cues_after(tokens, phrase, after_limit)
+    owner = scope.owner_before(tokens, phrase.lead, before_limit)
+    if phrase.determiner in ("his", "her", "their", "'s"):
+        owner = _possessor(tokens, phrase)
+    if owner is scope.Owner.OTHER and not _reset_by_mine(tokens, phrase):
+        score -= 9.0
+    elif owner is scope.Owner.MINE:
+        score += 0.5
+    if scope.negated(tokens, phrase.lead, before_limit):
+        score -= 10.0
+    if scope.past(tokens, phrase.lead, before_limit):
+        score -= 5.0
+    text = scope.after(tokens, phrase.last, after_limit)
+    if scope.denied_after(text) or _not_about_mine(text):
+        score -= 9.0
+    elif scope.confirmed_after(text):
+        score += 4.0
+    if index + 1 < len(things) and _corrected_between(tokens, phrase.last, things[index + 1].lead):
+        score -= 8.0
+    score += 1.5 * sum(
+        tokens[o.head].norm == tokens[phrase.head].norm and set(o.words) <= set(phrase.words)
+        for o in things
+        if o is not phrase
+    )
+    return ScoredPhrase(phrase, score - 0.01 * index)
+
+
+def _own_worth(tokens: list[Token], phrase: Phrase) -> float:
+    words = {tokens[i].norm for i in range(phrase.first, phrase.last)}
+    head = tokens[phrase.head].norm
+    worth = 0.0
+    if words & lex.COLOURS:
+        worth += 1.5
+    elif words & lex.ATTRIBUTES:
+        worth += 0.75
+    if head in lex.OBJECT_NOUNS or head.rstrip("s") in lex.OBJECT_NOUNS:
+        worth += 1.0
+    if head in lex.PARCEL_NOUNS:
+        worth -= 4.0
+    if head in lex.KIN or head in lex.PEOPLE:
+        worth -= 4.0 if words & lex.ATTRIBUTES else 7.0
+    if len(words) == 1 and tokens[phrase.head].raw[:1].isupper() and not phrase.determiner:
+        worth -= 1.5
+    if phrase.determiner in ("no", "any", "every", "each", "another"):
+        worth -= 2.0
+    if head.endswith(("ness", "tion", "ment", "ity", "ism")):
+        worth -= 2.0
+    return worth
+
+
+def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
+    start = max(limit, phrase.lead - 9)
+    back: list[str] = []
+    for at in range(phrase.lead - 1, start - 1, -1):
+        if tokens[at].kind is Kind.STOP:
+            break
+        back.append(tokens[at].norm)
+    if not back:
+        return 0.0
+    first = back[0]
+    second = back[1] if len(back) > 1 else ""
+    near = set(back[:4])
+    score = 0.0
+    if near & _LOOK and not near & {"looking"} & {"forward"}:
+        score += 4.0
+    if first in (":", "=", "-") and any(w in _LOOK | _PLACES for w in back[1:3]):
+        score += 4.0
+    if first in _HAVE or (first in ("up", "out") and second in _HAVE):
+        hosts = set(back[1:5])
+        score += 2.0
+        if hosts & lex.ANCHORS:
+            score += 3.0
+        elif hosts & _PLACES:
+            score += 2.5
+        elif hosts & _SELF:
+            score += 1.0
+    if first in _STAND and second in ("there", "here", "hangs", "where"):
+        score += 3.0
+    elif first in _STAND and second in ("mine", "ours"):
+        score += 4.0
+    elif first in ("hangs", "stands", "sits", "hanging", "standing", "sitting", "hang", "stand"):
+        score += 3.0
+    elif first == "is" and set(back[1:3]) & (_LOOK | lex.ANCHORS):
+        score += 3.0
+    elif first in ("is", "be", "are", "'s") and second not in ("there",):
+        score -= 1.0 if second in ("it", "that", "this") else 1.5
+    if first in _NEAR or (first in ("to", "of", "from") and second in ("next", "close", "adjacent", "front", "left", "right", "side")):
+        score += 3.0
+        if set(back[1:6]) & lex.ANCHORS:
+            score += 1.0
+    if first == "where" and back[1:2] != ["is"]:
+        score += 2.5
+    if set(back[:3]) & _PUT_OUT and set(back[1:5]) & _SELF:
+        score += 3.0
+    if first in ("at", "on", "in", "to", "for", "into", "from", "about", "until") and not near & _LOOK:
+        score -= 1.5 if first != "at" else 0.0
+    parcelled = _delivered(back)
+    return score - (5.0 if parcelled else 0.0)
+
+
+def _delivered(back: list[str]) -> bool:
+    """Is the phrase what is to be brought: the direct object of "bring", "leave", "waiting for" and the like?"""
+    labels = ("item", "items", "parcel", "order", "contents", "package", "goods", "delivery", "ordered")
+    if back[0] in (":", "=", "-") and len(back) > 1 and back[1] in labels:
+        return True
+    for depth, word in enumerate(back[:5]):
+        if word in _DELIVER:
+            subject = back[depth + 1 : depth + 3]
+            if word in ("put", "placed", "place", "left", "set") and set(subject) & (_SELF | {"have"}):
+                return False
+            return True
+        if word in ("for", "on") and depth == 0 and len(back) > 1 and back[1] in ("waiting", "wait"):
+            return True
+        if word in ("of", "with") and depth == 0 and len(back) > 1 and back[1] in ("shipment", "care", "delivery", "careful"):
+            return True
+        if word == "with" and depth == 0 and set(back[1:4]) & {"careful", "gentle", "care"}:
+            return True
+        if word not in ("me", "us", "up", "off", "over", "to", "for", "please", "just", "you", "kindly", "out", "the", "my"):
+            return False
+        if word in ("for", "to", "out") and depth == 0:
+            return False
+    return False
+
+
+def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
+    ahead: list[str] = []
+    for at in range(phrase.last, min(limit, phrase.last + 7, len(tokens))):
+        if tokens[at].kind is Kind.STOP:
+            break
+        ahead.append(tokens[at].norm)
+    if not ahead:
+        return 0.0
+    first = ahead[0]
+    near = set(ahead[:6])
+    score = 0.0
+    if first in _AT or (first in ("hanging", "standing", "sitting", "right", "displayed", "placed", "just", "there", "leaning")):
+        if near & lex.ANCHORS:
+            score += 3.5
+        elif first == "outside":
+            score += 2.5
+        elif near & _PLACES:
+            score += 1.0
+    elif near & lex.ANCHORS and first in ("is", "that", "which", "in", ",", "="):
+        score += 1.5
+    if first in ("marks", "hangs", "stands", "sits", "shows", "="):
+        score += 2.5
+    if first == "hanging" or first == "standing":
+        score += 1.0
+    if first in ("is", "are") and len(ahead) > 1 and ahead[1] in ("still", "at", "by", "outside", "in", "on", "hanging", "visible", "mine", "my"):
+        score += 2.0
+    if first == "is" and len(ahead) > 2 and ahead[1] == "for":
+        score -= 3.0
+    return score
+
+
+def _possessor(tokens: list[Token], phrase: Phrase) -> scope.Owner:
+    if phrase.determiner != "'s":
+        return scope.Owner.OTHER
+    words = [tokens[i].norm for i in range(phrase.lead, phrase.first)]
+    if set(words) & lex.PEOPLE or "door" in words:
+        return scope.Owner.OTHER
+    if set(words) & lex.MY:
+        return scope.Owner.MINE
+    if set(words) & lex.KIN:
+        return scope.Owner.UNSAID
+    return scope.Owner.OTHER
+
+
+def _reset_by_mine(tokens: list[Token], phrase: Phrase) -> bool:
+    return phrase.determiner in ("my", "our")
+
+
+def _not_about_mine(text: str) -> bool:
+    return " = not " in text or " is not mine " in text
+
+
+def _corrected_between(tokens: list[Token], start: int, end: int) -> bool:
+    if end - start > 10:
+        return False
+    words = [t.norm for t in tokens[start:end] if t.kind is not Kind.SYMBOL]
+    text = " " + " ".join(words) + " "
+    return any(f" {c} " in text for c in lex.CORRECTIONS if c not in ("actually", "in fact")) or words[:1] == ["no"]

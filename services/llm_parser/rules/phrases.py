@@ -1,0 +1,208 @@
+"""Noun phrases: which runs of tokens could name a thing.
+
+A phrase is a determiner (or none), attributes and nouns, and may go on behind "of" ("bunch of bananas"), "with" plus an
+attribute of its own ("chair with red cushion") or "in a" plus a container ("cactus in a pot"). It ends at the first
+word that cannot belong to a thing's name; a relative clause is never part of it.
+"""
+
+from collections.abc import Set
+from dataclasses import dataclass
+
+from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules.tokens import Kind, Token
+
+
+@dataclass(frozen=True, slots=True)
+class Phrase:
+    """Tokens `first` to `last` (exclusive) without the determiner; `head` is the noun that says what it is."""
+
+    determiner: str
+    lead: int
+    first: int
+    last: int
+    head: int
+    words: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.words).replace(" 's", "'s")
+
+
+def find_phrases(tokens: list[Token], taken: Set[int]) -> list[Phrase]:
+    """All phrases from left to right; tokens whose index is in `taken` (floor mentions) end a phrase."""
+    return _Chunker(tokens, taken).all()
+
+
+class _Chunker:
+    def __init__(self, tokens: list[Token], taken: Set[int]) -> None:
+        self._tokens = tokens
+        self._taken = taken
+        self._size = len(tokens)
+
+    def all(self) -> list[Phrase]:
+        found: list[Phrase] = []
+        at = 0
+        while at < self._size:
+            phrase = self._phrase(at)
+            if phrase is None:
+                at += 1
+            else:
+                found.append(phrase)
+                at = phrase.last
+        return found
+
+    def _norm(self, at: int) -> str:
+        return self._tokens[at].norm if 0 <= at < self._size and at not in self._taken else ""
+
+    def _phrase(self, at: int) -> Phrase | None:
+        lead = at
+        determiner = ""
+        while self._norm(at) in lex.DETERMINERS and self._tokens[at].is_word:
+            determiner = self._norm(at)
+            at += 1
+        if determiner in ("that", "this", "which", "what") and self._norm(at) in ("is", "'s"):
+            return None
+        while self._norm(at) in lex.EVALUATIVE and self._belongs(at + 1, True, False):
+            at += 1
+            determiner = determiner or "-"
+        if at == lead and not self._belongs(at, False, False):
+            return None
+        first = at
+        if self._is_count(at):
+            at += 1
+        nouns_from = at
+        at = self._run(at, bool(determiner) or at > first)
+        if at == nouns_from:
+            return None
+        head = at - 1
+        if self._norm(at) == "'s" and self._belongs(at + 1, True, False):
+            return self._possessive(lead, first, at, determiner)
+        first = self._skip_anchor(first, at, determiner)
+        last = self._extend(at, head)
+        return self._make(determiner, lead, first, last, head)
+
+    def _make(self, determiner: str, lead: int, first: int, last: int, head: int) -> Phrase:
+        words = tuple(self._tokens[i].raw.lower() if self._tokens[i].raw else self._norm(i) for i in range(first, last))
+        words = tuple("'s" if self._norm(i) == "'s" else w for i, w in zip(range(first, last), words, strict=True))
+        words = tuple(w.removesuffix("'s") if i + 1 < len(words) and words[i + 1] == "'s" else w for i, w in enumerate(words))
+        return Phrase(determiner, lead, first, last, head, words)
+
+    def _possessive(self, lead: int, first: int, at: int, determiner: str) -> Phrase | None:
+        """"a child's bicycle" is one thing; "Doris's bicycle" and "my neighbour's bicycle" are somebody's bicycle."""
+        owner = self._norm(at - 1)
+        end = self._run(at + 1, True)
+        if end == at + 1:
+            return None
+        generic = determiner in lex.ARTICLES and owner not in lex.PEOPLE and owner not in ("lady", "widow", "boss")
+        start = first if generic else at + 1
+        head = end - 1
+        return self._make(determiner if generic else "'s", lead, start, self._extend(end, head), head)
+
+    def _is_count(self, at: int) -> bool:
+        token = self._tokens[at] if at < self._size and at not in self._taken else None
+        if token is None or token.kind is not Kind.CARDINAL or not 2 <= token.value <= 12 or token.raw.isdigit():
+            return False
+        end = self._run(at + 1, True)
+        head = self._norm(end - 1)
+        return end > at + 1 and head.endswith("s") and head not in lex.NON_OBJECTS
+
+    def _run(self, at: int, open_before: bool) -> int:
+        """The end of the attributes and nouns that begin at `at`."""
+        start = at
+        has_noun = False
+        while at < self._size and at - start < 8:
+            if self._belongs(at, open_before or at > start, has_noun):
+                has_noun = has_noun or self._norm(at) not in lex.ATTRIBUTES
+                at += 1
+            elif (
+                at > start
+                and self._norm(at) in ("and", ",")
+                and not has_noun
+                and self._norm(at + 1) in lex.ATTRIBUTES
+                and (self._norm(at) == "and" or self._norm(at - 1) in lex.ATTRIBUTES)
+                and self._belongs(at + 2, True, False)
+            ):
+                at += 2
+            else:
+                break
+        return at
+
+    def _belongs(self, at: int, in_phrase: bool, has_noun: bool) -> bool:
+        """May token `at` be an attribute or noun here?"""
+        if at >= self._size or at in self._taken or not self._tokens[at].is_word:
+            return False
+        word = self._norm(at)
+        if word == "'s":
+            return False
+        if word in lex.NOUN_OR_VERB:
+            return in_phrase and self._ambiguous_is_noun(at, word, has_noun)
+        if word in lex.CLOSED:
+            modifies = word.endswith(("ing", "ed")) and in_phrase and not has_noun
+            return modifies and self._is_plain(at + 1)
+        if word.endswith("ly") and word not in lex.LY_WORDS:
+            return False
+        if has_noun and word.endswith("ing") and word not in lex.ING_NOUNS:
+            return self._is_plain(at + 1) or self._norm(at + 1) == "can"
+        if has_noun and word.endswith("ed") and word not in lex.ED_WORDS:
+            return self._is_plain(at + 1)
+        return True
+
+    def _ambiguous_is_noun(self, at: int, word: str, has_noun: bool) -> bool:
+        following = self._norm(at + 1)
+        before = self._norm(at - 1)
+        if word == "can":
+            container = before.endswith("ing") or before in lex.ATTRIBUTES or before in _BEFORE_CAN
+            return container and following not in ("be", "not", "you", "see")
+        if word in ("past", "second", "like", "well", "still"):
+            return word == "well" and before == "wishing"
+        if not has_noun:
+            return following not in ("the", "a", "my", "me", "you", "it")
+        return following not in lex.ARTICLES and following not in ("my", "our", "me", "you", "it")
+
+    def _is_plain(self, at: int) -> bool:
+        """An open-class word: surely no verb, preposition or the like."""
+        if at >= self._size or at in self._taken or not self._tokens[at].is_word:
+            return False
+        word = self._norm(at)
+        if word in lex.NOUN_OR_VERB:
+            return word != "can" and word not in ("past", "second", "like", "well", "still")
+        return word not in lex.CLOSED and word != "'s" and not (word.endswith("ly") and word not in lex.LY_WORDS)
+
+    def _skip_anchor(self, first: int, end: int, determiner: str) -> int:
+        """In "window red kite" without any article, the place is no part of the thing."""
+        following = self._norm(first + 1) in lex.ATTRIBUTES
+        if not determiner and end - first > 1 and self._norm(first) in lex.ANCHORS and following:
+            return first + 1
+        return first
+
+    def _extend(self, at: int, head: int) -> int:
+        noun = self._norm(head)
+        while True:
+            link = self._norm(at)
+            if link == "of" and (noun in lex.MEASURE_NOUNS or noun not in lex.NON_OBJECTS):
+                end = self._complement(at + 1, ("a", "an", "the", "some", "two", "three"))
+            elif noun in lex.NON_OBJECTS and noun not in lex.MEASURE_NOUNS:
+                return at
+            elif link == "with":
+                end = self._complement(at + 1, ("a", "an", "two", "three"))
+            elif link == "in" and self._norm(at + 1) in ("a", "an"):
+                end = self._complement(at + 1, ("a", "an"))
+                end = end if self._norm(end - 1) in lex.CONTAINERS else at
+            elif link == "and":
+                end = self._complement(at + 1, ())
+                end = end if end - at <= 3 and self._norm(end - 1) not in lex.KIN else at
+            else:
+                return at
+            if end <= at + 1 or self._norm(end - 1) in lex.NON_OBJECTS:
+                return at
+            at = end
+
+    def _complement(self, at: int, determiners: tuple[str, ...]) -> int:
+        start = at
+        if self._norm(at) in determiners:
+            at += 1
+        end = self._run(at, at > start)
+        return end if end > at else start - 1
+
+
+_BEFORE_CAN = frozenset("tin trash garbage oil petrol soda paint spray beer milk cola rubbish water jerry coke".split())

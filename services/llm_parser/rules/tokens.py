@@ -1,0 +1,226 @@
+"""Request text to tokens: words with their normal form, numbers with their value, breaks between clauses."""
+
+import re
+from dataclasses import dataclass
+from enum import Enum
+
+from services.llm_parser.rules import spelling
+from services.llm_parser.rules.lexicon import FILLERS, FLOOR_NOUNS
+from services.llm_parser.rules.numbers import CARDINALS, ORDINALS, read_number_words
+
+
+class Kind(Enum):
+    WORD = "word"
+    CARDINAL = "cardinal"
+    ORDINAL = "ordinal"
+    CODE = "code"
+    """A figure that is no count: money, a time, a telephone number, a flat number with a letter."""
+    FLOOR_CODE = "floor code"
+    """7F, 7/F, F7, L7."""
+    SYMBOL = "symbol"
+    """A sign inside a clause: comma, colon, dash, equals."""
+    STOP = "stop"
+    """The end of a sentence."""
+
+
+@dataclass(slots=True)
+class Token:
+    """`norm` is lower case with slang and clear typos resolved; `value` is the number's; `sentence` counts from 0."""
+
+    kind: Kind
+    norm: str
+    start: int
+    end: int
+    value: int = 0
+    sentence: int = 0
+    raw: str = ""
+    repaired: bool = False
+
+    @property
+    def is_word(self) -> bool:
+        return self.kind is Kind.WORD
+
+
+_SCAN = re.compile(
+    r"""
+    (?P<money>[£$€]\s?\d[\d.,]*\d|[£$€]\s?\d|\d[\d.,]*\s?(?:[£$€]|kg\b|km\b|cm\b|mm\b|ml\b|g\b|m\b|%))
+  | (?P<time>\d{1,2}[:.h]\d{2}(?:\s?[ap]\.?m\b\.?)?|\d{1,2}\s?[ap]\.?m\b\.?|\d{1,2}\s?o'?clock)
+  | (?P<phone>\+\d[\d\s-]{5,}\d|\d{3,}[-\s]\d{3,}(?:[-\s]\d+)*|\d+(?:[-/]\d+){2,})
+  | (?P<ordinal>\d{1,3}\s?(?:st|nd|rd|th)\b)
+  | (?P<floorcode>\d{1,2}\s?/?F\b|\d{1,2}/?f\b|\b[FL]\d{1,2}\b)
+  | (?P<decimal>\d+[.,]\d[\d.,]*\d|\d+[.,]\d\b)
+  | (?P<code>\d+[A-Za-z]+\w*|[A-Za-z]+\d+\w*)
+  | (?P<number>\d+)
+  | (?P<with>\bw/o\b|\bw/)
+  | (?P<word>[^\W\d_]+(?:'[^\W\d_]+)*(?:-[^\W\d_]+(?:'[^\W\d_]+)*)*)
+  | (?P<stop>[.!?\n…]+)
+  | (?P<symbol>[,:;=()\[\]"/|*~>→–—-])
+  | (?P<sign>[@&\#+])
+  | (?P<other>\S)
+    """,
+    re.VERBOSE,
+)
+
+_QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "`": "'", "´": "'", "‑": "-", "\u00a0": " "})
+
+_ABBREVIATIONS = frozenset("mr mrs ms dr no nr st flr apt fl lvl attn tel ext sr vs approx".split())
+
+_EXPANSIONS: dict[str, tuple[str, ...]] = {
+    "im": ("i", "am"),
+    "ive": ("i", "have"),
+    "ill": ("i", "will"),
+    "its": ("its",),
+    "youll": ("you", "will"),
+    "theres": ("there", "is"),
+    "thats": ("that", "is"),
+    "dont": ("do", "not"),
+    "doesnt": ("does", "not"),
+    "isnt": ("is", "not"),
+    "wasnt": ("was", "not"),
+    "cant": ("can", "not"),
+    "wont": ("will", "not"),
+    "arent": ("are", "not"),
+    "didnt": ("did", "not"),
+    "can't": ("can", "not"),
+    "won't": ("will", "not"),
+    "cannot": ("can", "not"),
+    "were": ("were",),
+    "wheres": ("where", "is"),
+    "whos": ("who", "is"),
+    "hes": ("he", "is"),
+    "shes": ("she", "is"),
+    "theyre": ("they", "are"),
+    "theyve": ("they", "have"),
+    "weve": ("we", "have"),
+    "hasnt": ("has", "not"),
+    "u": ("you",),
+    "ur": ("your",),
+    "r": ("are",),
+    "n": ("and",),
+    "w": ("with",),
+    "abt": ("about",),
+    "nxt": ("next",),
+    "da": ("the",),
+    "gimme": ("give", "me"),
+    "wanna": ("want", "to"),
+    "gonna": ("going", "to"),
+    "pls": ("please",),
+    "plz": ("please",),
+    "lookin": ("looking",),
+    "outta": ("out", "of"),
+    "dunno": ("do", "not", "know"),
+    "neighbor": ("neighbour",),
+    "neighbors": ("neighbours",),
+    "neighboring": ("neighbouring",),
+}
+_SUFFIXES = {"m": "am", "re": "are", "ve": "have", "ll": "will", "d": "would"}
+_IS_HOSTS = frozenset("it that there here he she who what where this one everything mine ours where's name how".split())
+_FOR_AFTER = frozenset("look looking search searching watch wait waiting lookout out".split())
+_TO_AFTER = frozenset("next go come close fly up deliver bring send get head way back lift take".split())
+
+
+def tokenize(text: str) -> list[Token]:
+    """The tokens of `text`, in order. Hesitations are left out; positions refer to `text`."""
+    plain = text.translate(_QUOTES)
+    tokens: list[Token] = []
+    sentence = 0
+    for match in _SCAN.finditer(plain):
+        group = match.lastgroup or "other"
+        raw, start, end = match.group(), match.start(), match.end()
+        if group == "word":
+            _add_word(tokens, raw, start, sentence)
+        elif group == "stop":
+            if raw == "." and tokens and tokens[-1].norm in _ABBREVIATIONS and tokens[-1].end == start:
+                continue
+            tokens.append(Token(Kind.STOP, raw[0], start, end, sentence=sentence))
+            sentence += 1
+        elif group == "number":
+            tokens.append(_number(tokens, raw, start, end, sentence))
+        elif group == "ordinal":
+            value = int(re.sub(r"\D", "", raw))
+            tokens.append(Token(Kind.ORDINAL, raw.lower(), start, end, value, sentence, raw))
+        elif group == "floorcode":
+            value = int(re.sub(r"\D", "", raw))
+            tokens.append(Token(Kind.FLOOR_CODE, raw.lower(), start, end, value, sentence, raw))
+        elif group == "with":
+            tokens.append(Token(Kind.WORD, "without" if "o" in raw else "with", start, end, 0, sentence, raw))
+        elif group in ("symbol", "other"):
+            norm = "," if group == "other" else "-" if raw in "–—~" else raw
+            tokens.append(Token(Kind.SYMBOL, norm, start, end, sentence=sentence))
+        elif group == "sign":
+            norm = {"@": "at", "&": "and", "#": "number", "+": "and"}[raw]
+            tokens.append(Token(Kind.WORD, norm, start, end, 0, sentence, raw))
+        else:
+            tokens.append(Token(Kind.CODE, raw.lower(), start, end, 0, sentence, raw))
+    return _join_number_words(tokens)
+
+
+def _number(tokens: list[Token], raw: str, start: int, end: int, sentence: int) -> Token:
+    before = tokens[-1].norm if tokens else ""
+    if raw == "4" and before in _FOR_AFTER:
+        return Token(Kind.WORD, "for", start, end, 0, sentence, raw)
+    if raw == "2" and before in _TO_AFTER:
+        return Token(Kind.WORD, "to", start, end, 0, sentence, raw)
+    value = int(raw) if len(raw) <= 4 else 10**6
+    return Token(Kind.CARDINAL, raw, start, end, value, sentence, raw)
+
+
+def _add_word(tokens: list[Token], raw: str, start: int, sentence: int) -> None:
+    if "-" in raw:
+        parts = raw.lower().split("-")
+        splits = any(p in FLOOR_NOUNS or p in CARDINALS or p in ORDINALS for p in parts)
+        if splits and "and" not in parts and "-of-" not in raw:
+            offset = start
+            for part in raw.split("-"):
+                if part:
+                    _add_word(tokens, part, offset, sentence)
+                offset += len(part) + 1
+            return
+    word = raw.lower()
+    end = start + len(raw)
+    if word in FILLERS:
+        return
+    expanded = _EXPANSIONS.get(word)
+    if expanded is None and "'" in word:
+        expanded = _apostrophe(word)
+    if expanded is None:
+        norm, repaired = spelling.repair(word)
+        expanded = tuple(norm.split())
+    else:
+        repaired = False
+    for norm in expanded:
+        tokens.append(Token(Kind.WORD, norm, start, end, 0, sentence, raw, repaired))
+
+
+def _apostrophe(word: str) -> tuple[str, ...]:
+    host, _, tail = word.rpartition("'")
+    if tail in _SUFFIXES:
+        return (host, _SUFFIXES[tail])
+    if tail == "t" and host.endswith("n"):
+        return (host[:-1], "not")
+    if tail == "s":
+        return (host, "is") if host in _IS_HOSTS else (host, "'s")
+    return (word.replace("'", ""),)
+
+
+def _join_number_words(tokens: list[Token]) -> list[Token]:
+    """Number words become number tokens: "twenty first" is one ordinal, "twelve oh three" one cardinal."""
+    joined: list[Token] = []
+    at = 0
+    while at < len(tokens):
+        token = tokens[at]
+        if token.is_word and (token.norm in CARDINALS or token.norm in ORDINALS):
+            words = [t.norm if t.is_word else "" for t in tokens[at : at + 6]]
+            symbols = [t.norm for t in tokens[at : at + 2]]
+            read = read_number_words(words)
+            last = tokens[at + read.used - 1]
+            kind = Kind.ORDINAL if read.ordinal else Kind.CARDINAL
+            joined.append(
+                Token(kind, " ".join(words[: read.used]) or symbols[0], token.start, last.end, read.value, token.sentence)
+            )
+            joined[-1].raw = joined[-1].norm
+            at += read.used
+        else:
+            joined.append(token)
+            at += 1
+    return joined
