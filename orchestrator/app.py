@@ -1,0 +1,107 @@
+"""The REST door: deliveries, their events as they happen, their pictures, and the viewer."""
+
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Annotated
+
+import anyio.to_thread
+from fastapi import FastAPI, Header, Response
+from fastapi.responses import FileResponse, HTMLResponse
+from sse_starlette import EventSourceResponse, ServerSentEvent
+
+from contracts.orchestrator import Delivery, DeliveryList, DeliveryQuestion
+from orchestrator import sample_library
+from orchestrator.desk import Desk
+from service_kit.app import Check, create_app
+
+VIEWER = Path(__file__).parent / "viewer.html"
+MAX_BODY_BYTES = 4 * 1024 * 1024
+PING_S = 10
+PAGE_POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'unsafe-inline'",
+        "style-src 'unsafe-inline'",
+        "img-src 'self' data:",
+        "connect-src 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+
+
+def build_app(
+    desk: Desk,
+    *,
+    checks: Mapping[str, Check] | None = None,
+    token: str | None = None,
+    on_close: Callable[[], Awaitable[None]] | None = None,
+) -> FastAPI:
+    """The orchestrator's app around a desk. A token, where set, guards all routes but health."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        await desk.close()
+        if on_close is not None:
+            await on_close()
+
+    app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, token=token, lifespan=lifespan)
+
+    @app.post("/v1/deliveries", status_code=202, tags=["deliveries"])
+    async def post_delivery(question: DeliveryQuestion, response: Response) -> Delivery:
+        """Takes a delivery and starts it; follow it by its events. 429 where too many are under way."""
+        delivery = await desk.take(question)
+        response.headers["location"] = f"/v1/deliveries/{delivery.id}"
+        return delivery
+
+    @app.get("/v1/deliveries", tags=["deliveries"])
+    async def list_deliveries() -> DeliveryList:
+        """The newest first."""
+        return DeliveryList(deliveries=tuple(await anyio.to_thread.run_sync(desk.list)))
+
+    @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"])
+    async def get_delivery(delivery_id: str) -> Delivery:
+        return await anyio.to_thread.run_sync(desk.get, delivery_id)
+
+    @app.delete("/v1/deliveries/{delivery_id}", tags=["deliveries"])
+    async def cancel_delivery(delivery_id: str) -> Delivery:
+        """Cancels a delivery under way; the answer comes when its record is complete."""
+        return await desk.cancel(delivery_id)
+
+    @app.get("/v1/deliveries/{delivery_id}/events", tags=["deliveries"], response_class=EventSourceResponse)
+    async def get_events(
+        delivery_id: str, last_event_id: Annotated[str | None, Header(max_length=20)] = None
+    ) -> EventSourceResponse:
+        """Server-sent events: `id` is the event's number, `data` the event. `Last-Event-ID` goes on after that one.
+        The stream ends with the event of kind `result`."""
+        await anyio.to_thread.run_sync(desk.get, delivery_id)
+        after = int(last_event_id) if last_event_id and last_event_id.isdecimal() else 0
+
+        async def stream() -> AsyncIterator[ServerSentEvent]:
+            async for event in desk.events(delivery_id, after):
+                yield ServerSentEvent(data=event.model_dump_json(), id=str(event.number), event="step")
+            yield ServerSentEvent(data="{}", event="end")
+
+        return EventSourceResponse(stream(), ping=PING_S)
+
+    @app.get("/v1/deliveries/{delivery_id}/files/{file}", tags=["deliveries"], response_class=FileResponse)
+    async def get_file(delivery_id: str, file: str) -> FileResponse:
+        """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
+        path = await anyio.to_thread.run_sync(desk.picture, delivery_id, file)
+        return FileResponse(path, headers={"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"})
+
+    @app.get("/v1/samples", tags=["deliveries"])
+    async def list_samples() -> list[str]:
+        """Names of the deliveries that ship with the project."""
+        return await anyio.to_thread.run_sync(sample_library.names)
+
+    @app.get("/", tags=["viewer"], response_class=HTMLResponse)
+    async def viewer() -> HTMLResponse:
+        """The viewer: one page, nothing from elsewhere."""
+        page = await anyio.to_thread.run_sync(lambda: VIEWER.read_text(encoding="utf-8"))
+        return HTMLResponse(page, headers={"content-security-policy": PAGE_POLICY})
+
+    return app

@@ -1,0 +1,172 @@
+"""The ports over HTTP: one class a service, one line a route, a deadline on every call."""
+
+from collections.abc import Awaitable
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Self, TypeVar
+
+from pydantic import BaseModel
+
+from contracts.depth_assist import (
+    ApproachAnswer,
+    ApproachQuestion,
+    SafeDistancesAnswer,
+    SafeDistancesQuestion,
+    ViewpointAnswer,
+    ViewpointQuestion,
+)
+from contracts.geometry import VIEW_HEADINGS_DEG, Heading
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.vlm_gateway import (
+    BuildingBoxAnswer,
+    BuildingBoxQuestion,
+    ChooseDirectionAnswer,
+    ChooseDirectionQuestion,
+    FindObjectAnswer,
+    FindObjectQuestion,
+    FloorCountAnswer,
+    FloorCountQuestion,
+)
+from orchestrator.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
+from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
+
+M = TypeVar("M", bound=BaseModel)
+T = TypeVar("T")
+
+MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "not_recorded"})
+"""The error codes by which a service says that it is well but its model did not answer."""
+
+MODEL_DEADLINE_S = 180.0
+WORLD_DEADLINE_S = 60.0
+DEPTH_DEADLINE_S = 30.0
+END_DEADLINE_S = 5.0
+
+
+@dataclass(frozen=True)
+class Addresses:
+    """Where the four services listen."""
+
+    llm_parser: str = "http://127.0.0.1:8101"
+    vlm_gateway: str = "http://127.0.0.1:8102"
+    depth_assist: str = "http://127.0.0.1:8103"
+    sim: str = "http://127.0.0.1:8104"
+
+
+class HttpParser:
+    def __init__(self, client: ServiceClient) -> None:
+        self._client = client
+
+    async def parse(self, question: ParseQuestion) -> ParseAnswer:
+        return await _reached(self._client.call("POST", "/v1/parse", ParseAnswer, question))
+
+
+class HttpVision:
+    def __init__(self, client: ServiceClient) -> None:
+        self._client = client
+
+    async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
+        return await self._ask("/v1/floor-count", FloorCountAnswer, question)
+
+    async def building_box(self, question: BuildingBoxQuestion) -> BuildingBoxAnswer:
+        return await self._ask("/v1/building-box", BuildingBoxAnswer, question)
+
+    async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
+        return await self._ask("/v1/find-object", FindObjectAnswer, question)
+
+    async def choose_direction(self, question: ChooseDirectionQuestion) -> ChooseDirectionAnswer:
+        return await self._ask("/v1/choose-direction", ChooseDirectionAnswer, question)
+
+    async def _ask(self, path: str, answer: type[M], question: BaseModel) -> M:
+        return await _reached(self._client.call("POST", path, answer, question))
+
+
+class HttpDepthAssist:
+    def __init__(self, client: ServiceClient) -> None:
+        self._client = client
+
+    async def viewpoint(self, question: ViewpointQuestion) -> ViewpointAnswer:
+        return await _reached(self._client.call("POST", "/v1/viewpoint", ViewpointAnswer, question))
+
+    async def safe_distances(self, question: SafeDistancesQuestion) -> SafeDistancesAnswer:
+        return await _reached(self._client.call("POST", "/v1/safe-distances", SafeDistancesAnswer, question))
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        return await _reached(self._client.call("POST", "/v1/approach", ApproachAnswer, question))
+
+
+class HttpWorld:
+    def __init__(self, client: ServiceClient) -> None:
+        self._client = client
+
+    async def start(self, question: EpisodeQuestion) -> Episode:
+        return await _reached(self._client.call("POST", "/v1/episodes", Episode, question))
+
+    async def observe(
+        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
+    ) -> Observation:
+        wanted = {"views": ",".join(str(h) for h in headings), "size": str(size)}
+        path = f"/v1/episodes/{episode}/observation"
+        return await _reached(self._client.call("GET", path, Observation, params=wanted))
+
+    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
+        path = f"/v1/episodes/{episode}/moves/{number}"
+        return await _reached(self._client.call("PUT", path, MoveResult, move))
+
+    async def claim(self, episode: str, claim: Claim) -> Verdict:
+        return await _reached(self._client.call("POST", f"/v1/episodes/{episode}/claim", Verdict, claim))
+
+    async def end(self, episode: str) -> None:
+        try:
+            await _reached(self._client.delete(f"/v1/episodes/{episode}"))
+        except ServiceRefused as error:
+            if error.status != 404:
+                raise
+
+
+class Services:
+    """The HTTP clients of all four services. Use as an async context manager."""
+
+    def __init__(self, at: Addresses, *, gateway_token: str | None = None) -> None:
+        self.llm_parser = ServiceClient("llm_parser", at.llm_parser, timeout_s=MODEL_DEADLINE_S)
+        self.vlm_gateway = ServiceClient("vlm_gateway", at.vlm_gateway, timeout_s=MODEL_DEADLINE_S, token=gateway_token)
+        self.depth_assist = ServiceClient("depth_assist", at.depth_assist, timeout_s=DEPTH_DEADLINE_S)
+        self.sim = ServiceClient("sim", at.sim, timeout_s=WORLD_DEADLINE_S)
+
+    @property
+    def all(self) -> tuple[ServiceClient, ...]:
+        return (self.llm_parser, self.vlm_gateway, self.depth_assist, self.sim)
+
+    def ports(self) -> Ports:
+        return Ports(
+            parser=HttpParser(self.llm_parser),
+            vision=HttpVision(self.vlm_gateway),
+            depth=HttpDepthAssist(self.depth_assist),
+            world=HttpWorld(self.sim),
+        )
+
+    async def close(self) -> None:
+        for client in self.all:
+            await client.close()
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+
+async def _reached(call: Awaitable[T]) -> T:
+    """The answer, or the client's error as the mission knows it."""
+    try:
+        return await call
+    except Unreachable as error:
+        raise ServiceUnreachable(str(error)) from None
+    except Garbled as error:
+        raise ServiceRefused(str(error), code="garbled", status=502) from None
+    except Refused as error:
+        if error.code in MODEL_TROUBLE:
+            raise ModelUnreachable(f"{error.service}: {error.reason} ({error.code})") from None
+        raise ServiceRefused(str(error), code=error.code, status=error.status) from None

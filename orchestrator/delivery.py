@@ -1,0 +1,83 @@
+"""One delivery with its record: what the REST door and the command line both call."""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, MissionSettings
+from contracts.scene import Scene
+from contracts.sim import EpisodeQuestion
+from orchestrator import sample_library
+from orchestrator.mission import Mission
+from orchestrator.ports import Ports
+from orchestrator.record import Record, new_id, now
+from orchestrator.summary import draw_summary
+
+log = logging.getLogger("orchestrator.delivery")
+
+
+class BadDelivery(ValueError):
+    """A delivery that can't be flown as it was asked for; the message says what would be right."""
+
+
+class Order:
+    """A delivery that is sound: the request, the scene, the settings with the back end filled in."""
+
+    def __init__(self, question: DeliveryQuestion) -> None:
+        """Raises BadDelivery for a question without scene or request, or an unknown sample."""
+        if (question.scene is None) == (question.sample is None):
+            raise BadDelivery("give either a scene or the name of a sample")
+        request, scene = question.request, question.scene
+        if question.sample is not None:
+            try:
+                sample = sample_library.load(question.sample)
+            except ValueError as error:
+                raise BadDelivery(str(error)) from None
+            request, scene = request or sample.request, sample.scene
+        if scene is None or request is None or not request.strip():
+            raise BadDelivery("say in `request` what is to be brought where")
+        self.request: str = request
+        self.scene: Scene = scene
+        self.settings: MissionSettings = question.settings
+        if question.backend is not None and question.settings.vision_model is None:
+            self.settings = question.settings.model_copy(update={"vision_model": question.backend})
+        self.question = question.model_copy(
+            update={"request": request, "scene": scene, "settings": self.settings},
+        )
+
+
+class Run:
+    """A delivery under way: its record and, at the end, its result."""
+
+    def __init__(self, order: Order, runs: Path, *, listener: Callable[[Event], None] | None = None) -> None:
+        """Opens the record. Raises OSError where the folder can't be written."""
+        self._order = order
+        name = new_id()
+        delivery = Delivery(
+            id=name,
+            status="waiting",
+            phase="parse",
+            request=order.request,
+            scene=order.scene.name,
+            created=now(),
+            folder=str(runs / name),
+        )
+        self.record = Record(runs / name, delivery, order.question, listener=listener)
+
+    @property
+    def id(self) -> str:
+        return self.record.delivery.id
+
+    async def fly(self, ports: Ports) -> DeliveryResult:
+        """Flies, and completes the record. Cancelling the task ends the flight, not the record."""
+        order = self._order
+        mission = Mission(ports, order.settings, self.record)
+        result = await mission.fly(order.request, EpisodeQuestion(scene=order.scene, flight=order.settings.flight))
+        self.record.conclude(result)
+        try:
+            await asyncio.shield(asyncio.to_thread(draw_summary, self.record.folder))
+        except Exception:
+            log.exception("the summary picture of %s could not be drawn", self.id)
+        self.record.announce(result)
+        return result

@@ -1,0 +1,163 @@
+"""The desk where deliveries are taken: a bounded number under way, all others as their records tell."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event
+from orchestrator.delivery import BadDelivery, Order, Run
+from orchestrator.ports import Ports
+from orchestrator.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
+from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
+
+log = logging.getLogger("orchestrator.desk")
+
+FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"})
+
+
+class Live:
+    """One delivery under way: its events so far, and a bell that rings at each new one."""
+
+    def __init__(self, run: Run) -> None:
+        self.run = run
+        self.events: list[Event] = []
+        self.result: DeliveryResult | None = None
+        self.task: asyncio.Task[None] | None = None
+        self.bell = asyncio.Event()
+
+    def hear(self, event: Event) -> None:
+        self.events.append(event)
+        self.ring()
+
+    def ring(self) -> None:
+        """Wakes everybody who waits now."""
+        self.bell.set()
+        self.bell = asyncio.Event()
+
+    @property
+    def over(self) -> bool:
+        return self.task is not None and self.task.done()
+
+    def delivery(self) -> Delivery:
+        told = {
+            "status": "done" if self.result is not None else "flying",
+            "phase": self.events[-1].phase if self.events else "parse",
+            "result": self.result,
+        }
+        return self.run.record.delivery.model_copy(update=told)
+
+
+class Desk:
+    """Takes, lists and cancels deliveries; `runs` is the folder of the records."""
+
+    def __init__(self, ports: Ports, runs: Path, *, max_live: int = 2, max_listed: int = 200) -> None:
+        self._ports = ports
+        self._runs = runs
+        self._max_live = max_live
+        self._max_listed = max_listed
+        self._live: dict[str, Live] = {}
+
+    async def take(self, question: DeliveryQuestion) -> Delivery:
+        """Starts a delivery. Raises BadQuestion, TooMany, Unavailable (the record can't be written)."""
+        try:
+            order = Order(question)
+        except BadDelivery as error:
+            raise BadQuestion(str(error)) from None
+        under_way = sum(not live.over for live in self._live.values())
+        if under_way >= self._max_live:
+            raise TooMany(
+                f"{under_way} deliveries are under way, and no more than {self._max_live} may be; "
+                "wait for one to end or cancel one",
+                headers={"retry-after": "10"},
+            )
+        heard: list[Live] = []
+        try:
+            run = Run(order, self._runs, listener=lambda event: heard[0].hear(event))
+        except OSError as error:
+            raise Unavailable(f"the record can't be written: {error.strerror}", code="no_record") from None
+        live = Live(run)
+        heard.append(live)
+        self._live[run.id] = live
+        live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
+        return live.delivery()
+
+    async def _fly(self, live: Live) -> None:
+        try:
+            live.result = await live.run.fly(self._ports)
+        except Exception:
+            log.exception("delivery %s broke off", live.run.id)
+            live.result = cut_off(len(live.events))
+        finally:
+            live.ring()
+            self._live.pop(live.run.id, None)
+
+    def get(self, name: str) -> Delivery:
+        """Raises NotFound."""
+        live = self._live.get(name)
+        if live is not None:
+            return live.delivery()
+        found = read_delivery(self._folder(name))
+        if found is None:
+            raise NotFound(f"there is no delivery {name}")
+        return found
+
+    def list(self) -> list[Delivery]:
+        """The newest first, at most `max_listed`."""
+        names = [path.name for path in self._runs.iterdir()] if self._runs.is_dir() else []
+        newest = sorted((n for n in names if DELIVERY_ID.match(n)), reverse=True)[: self._max_listed]
+        found = [live.delivery() if (live := self._live.get(n)) else read_delivery(self._runs / n) for n in newest]
+        return [delivery for delivery in found if delivery is not None]
+
+    async def cancel(self, name: str) -> Delivery:
+        """Ends a delivery under way and waits for its record to be complete; one that is done stays as it is.
+        Raises NotFound."""
+        live = self._live.get(name)
+        if live is not None and live.task is not None and live.result is None:
+            live.task.cancel()
+            await asyncio.wait({live.task}, timeout=30)
+        return self.get(name)
+
+    async def events(self, name: str, after: int = 0) -> AsyncIterator[Event]:
+        """All events numbered above `after`: those that were, then those to come, until the delivery is done."""
+        live = self._live.get(name)
+        if live is None:
+            for event in read_events(self._folder(name)):
+                if event.number > after:
+                    yield event
+            return
+        told = after
+        while True:
+            bell = live.bell
+            for event in live.events[told:]:
+                told = event.number
+                yield event
+            if live.over or live.result is not None:
+                return
+            await bell.wait()
+
+    def picture(self, name: str, file: str) -> Path:
+        """A file of a record that may be shown. Raises NotFound."""
+        folder = self._folder(name)
+        if file in FILES:
+            path = folder / file
+        elif PICTURE_NAME.match(file):
+            path = folder / "pictures" / file
+        else:
+            raise NotFound("a record has no such file")
+        if not path.is_file():
+            raise NotFound(f"the record of {name} has no {file} (yet)")
+        return path
+
+    async def close(self) -> None:
+        """Cancels what is under way and waits for the records."""
+        tasks = [live.task for live in self._live.values() if live.task is not None]
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks, timeout=10)
+
+    def _folder(self, name: str) -> Path:
+        if not DELIVERY_ID.match(name):
+            raise NotFound("there is no such delivery: ids look like 20250131-120000-1a2b3c")
+        return self._runs / name

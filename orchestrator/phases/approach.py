@@ -1,0 +1,95 @@
+"""The approach: along the way that depth shows to be free, in legs, each followed by another look."""
+
+from typing import NamedTuple
+
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion
+from contracts.geometry import Box, Point3, Pose
+from orchestrator.phases.explore import Exploration, Found
+from orchestrator.sighting import project
+from orchestrator.sortie import Look, Sight, Sortie, distance_m
+
+MAX_LEGS = 8
+LOOK_AGAIN_M = 5.0
+LONGEST_LEG_M = 8.0
+SAME_THING_M = 2.0
+NEAR_ENOUGH_M = 1.0
+
+
+class Arrived(NamedTuple):
+    """In front of the window, the object confirmed from nearer than at first sight."""
+
+    place: Point3
+
+
+class Lost(NamedTuple):
+    """The sighting did not stand up, or the way to it is not free (`blocked`)."""
+
+    place: Point3
+    why: str
+    blocked: bool = False
+
+
+async def approach(exploration: Exploration, found: Found) -> Arrived | Lost:
+    """Flies to the sighting; back to where it was made if that fails. Raises MissionEnd, PortError."""
+    sortie = exploration.sortie
+    trail = [found.look.pose]
+    end = await _legs(exploration, found, trail)
+    if isinstance(end, Lost):
+        sortie.write("lost", end.why, {"place": end.place.model_dump(), "blocked": end.blocked})
+        back = [Point3(x=p.x, y=p.y, z=p.z) for p in reversed(trail[:-1])]
+        if back:
+            await sortie.fly(back, trail[0].yaw, "back to where the search was left")
+    return end
+
+
+async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Arrived | Lost:
+    sortie = exploration.sortie
+    confirmed = False
+    look, sight, box = found.look, found.sight, found.sighting.match.box
+    for leg in range(1, MAX_LEGS + 1):
+        far = distance_m(look.pose, found.place)
+        way = await _way(sortie, look, sight, box, far, confirmed)
+        if way.status != "clear":
+            near = sortie.settings.approach.stop_distance_m + NEAR_ENOUGH_M
+            if confirmed and far <= near:
+                return Arrived(found.place)
+            why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
+            return Lost(found.place, f"leg {leg}: {why}", way.status == "blocked")
+        await sortie.fly(way.path, way.facing_yaw, f"leg {leg} of the approach")
+        trail.append(sortie.flown.pose)
+        look = await sortie.look()
+        again = await exploration.search(look, f"after leg {leg}", near=found.place)
+        if again is not None and distance_m(again.place, found.place) <= SAME_THING_M:
+            confirmed, found = True, again
+            sight, box = again.sight, again.sighting.match.box
+        elif not confirmed:
+            return Lost(found.place, f"not seen again from {distance_m(look.pose, found.place):.1f} m")
+        elif not way.reached:
+            # confirmed before: a thing may leave the picture or the model's grasp as it gets near, its place does not
+            remembered = project(found.place, found.sighting.extent, look) if found.sighting.extent else None
+            if remembered is None:
+                return Lost(found.place, f"leg {leg}: out of sight")
+            sight, box = remembered
+        if way.reached and confirmed:
+            return Arrived(found.place)
+    return Lost(found.place, f"not there after {MAX_LEGS} legs")
+
+
+async def _way(sortie: Sortie, look: Look, sight: Sight, box: Box, far_m: float, confirmed: bool) -> ApproachAnswer:
+    """The next leg: to where a second look is worth it, and once that confirmed the object, all the way."""
+    leg_m = LONGEST_LEG_M if confirmed else min(LONGEST_LEG_M, far_m - LOOK_AGAIN_M)
+    question = ApproachQuestion(
+        view=sight.depth_view,
+        others=look.depth_beside(sight, reach_deg=90),
+        box=box,
+        pose=sight.pose,
+        settings=sortie.settings.approach,
+        max_leg_m=leg_m if leg_m > 1.0 else LONGEST_LEG_M,
+    )
+    answer = await sortie.timed("approach", sortie.ports.depth.approach(question))
+    sortie.write(
+        "approach",
+        f"way to the window: {answer.status}" + (", up to the stop" if answer.reached else ""),
+        {"answer": answer.model_dump(mode="json"), "max_leg_m": round(question.max_leg_m, 2), "confirmed": confirmed},
+    )
+    return answer

@@ -1,0 +1,276 @@
+"""Object exploration: look round with all five cameras; where the object is not in sight, fly on round the building."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from contracts.depth_assist import (
+    DirectionPoint,
+    SafeDistancesAnswer,
+    SafeDistancesQuestion,
+    ViewpointAnswer,
+    ViewpointQuestion,
+)
+from contracts.geometry import Point3
+from contracts.images import encode_jpeg, jpeg_bytes
+from contracts.vlm_gateway import (
+    ChooseDirectionQuestion,
+    FindObjectQuestion,
+    MarkedPoint,
+    Match,
+    View,
+)
+from orchestrator.asking import Answered
+from orchestrator.marks import mark_box, mark_points
+from orchestrator.sighting import Sighting, facade_returns, locate
+from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m
+
+SAME_PLACE_M = 1.5
+
+
+class Found(NamedTuple):
+    """The object in one view, at a place that can be the window asked for."""
+
+    look: Look
+    sight: Sight
+    sighting: Sighting
+    place: Point3
+
+
+class Chosen(NamedTuple):
+    """Where to go: a point, or null to turn on the spot; `by` says who chose, or why not."""
+
+    point: DirectionPoint | None
+    by: str
+
+
+@dataclass
+class Exploration:
+    """The search round the building; an approach may interrupt it, and it can be taken up again."""
+
+    sortie: Sortie
+    dismissed: list[Point3] = field(default_factory=list)
+    _d_max_m: float | None = None
+    _silent: int = 0
+
+    async def until_found(self) -> Found:
+        """Flies until the object is seen. Raises MissionEnd: object_not_found after the last step, answer_unreadable
+        after too many useless answers in a row; PortError."""
+        sortie, settings = self.sortie, self.sortie.settings
+        while sortie.exploration_steps < settings.max_exploration_steps:
+            sortie.exploration_steps += 1
+            look = await sortie.look()
+            found = await self.search(look, f"step {sortie.exploration_steps}")
+            if found is not None:
+                return found
+            if sortie.exploration_steps < settings.max_exploration_steps:
+                await self._go_on(look)
+        looked = f"after {sortie.exploration_steps} exploration steps"
+        if self.dismissed:
+            looked += f"; {len(self.dismissed)} sightings did not stand up to a nearer look"
+        raise MissionEnd("object_not_found", f"no window with a {sortie.object} was found {looked}")
+
+    async def search(self, look: Look, what: str, near: Point3 | None = None) -> Found | None:
+        """Asks for the object in all views at once; `near` prefers the sighting closest to a place. Raises MissionEnd
+        (answer_unreadable), PortError."""
+        sortie = self.sortie
+        sortie.count_stop()
+        question = FindObjectQuestion(
+            model=sortie.settings.vision_model,
+            oracle_episode=sortie.flown.id,
+            object=sortie.object or "",
+            views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in look.sights.values()),
+        )
+        reply = await sortie.book.ask("recognition", sortie.ports.vision.find_object(question))
+        sightings: list[Sighting] = []
+        if isinstance(reply, Answered):
+            self._silent = 0
+            sightings = [self._judge(m, look) for m in reply.answer.matches if m.heading_deg in look.sights]
+        else:
+            self._silent += 1
+        best = _best(sightings, near)
+        sortie.write(
+            "look",
+            f"{what}: {_said(reply.answer.outcome, sightings, best, sortie.object or 'object')}",
+            {
+                "exploration_step": sortie.exploration_steps,
+                "pose": look.pose.model_dump(),
+                "object": sortie.object,
+                "answer": reply.answer.model_dump(mode="json", exclude={"matches"}),
+                "sightings": [_data_of(s, s is best) for s in sightings],
+                "returns": facade_returns([look.sights[h] for h in (-90, 0, 90) if h in look.sights]),
+                "render_s": look.observation.render_s,
+                "seconds": round(reply.seconds, 4),
+            },
+            look.pictures | _boxed(look, best),
+        )
+        if self._silent > sortie.settings.max_model_failures:
+            raise MissionEnd(
+                "answer_unreadable",
+                f"the recognition model gave {self._silent} answers in a row that say nothing ({reply.answer.outcome})",
+            )
+        if best is None or best.place is None:
+            return None
+        return Found(look, look.sights[best.match.heading_deg], best, best.place)
+
+    def _judge(self, match: Match, look: Look) -> Sighting:
+        sortie = self.sortie
+        sighting = locate(
+            match,
+            look.sights[match.heading_deg],
+            floor_z=sortie.final_height_m or 0.0,
+            floor_height_m=sortie.floor_height_m or 3.0,
+        )
+        place = sighting.place
+        if sighting.rejected is None and place and any(distance_m(place, d) < SAME_PLACE_M for d in self.dismissed):
+            return sighting._replace(rejected="looked at from near before")
+        return sighting
+
+    async def _go_on(self, look: Look) -> None:
+        """Viewpoint (eq. 4-6), safe distances (eq. 7), the chosen point, and the flight there."""
+        sortie = self.sortie
+        view = await self._viewpoint(look)
+        sight = look.sights[view.heading_deg]
+        asked = SafeDistancesQuestion(
+            view=sight.depth_view,
+            others=look.depth_beside(sight),
+            settings=sortie.settings.safe_distances,
+        )
+        safe = await sortie.timed("safe_distances", sortie.ports.depth.safe_distances(asked))
+        chosen = await self._choose(sight, safe, view)
+        if chosen.point is None:
+            turn = sortie.settings.fallback_turn_deg
+            await sortie.fly((), look.pose.yaw + math.radians(turn), f"turn {turn:g}° left: {chosen.by}")
+            return
+        point = chosen.point
+        goal = ahead(look.pose, point.bearing_deg, point.distance_m)
+        await sortie.fly((goal,), None, f"{point.distance_m:.1f} m towards point {point.label}, {chosen.by}")
+
+    async def _viewpoint(self, look: Look) -> ViewpointAnswer:
+        sortie = self.sortie
+        question = ViewpointQuestion(
+            views=tuple(s.depth_view for s in look.sights.values()),
+            building_box=sortie.building_box,
+            settings=sortie.settings.viewpoint,
+            d_max_m=self._d_max_m,
+            seed=sortie.settings.seed * 1000 + sortie.exploration_steps,
+        )
+        answer = await sortie.timed("viewpoint", sortie.ports.depth.viewpoint(question))
+        self._d_max_m = answer.d_max_next_m
+        return answer
+
+    async def _choose(self, sight: Sight, safe: SafeDistancesAnswer, view: ViewpointAnswer) -> Chosen:
+        sortie, settings = self.sortie, self.sortie.settings
+        offered = [p for p in safe.points if p.distance_m >= settings.min_move_m]
+        marked = encode_jpeg(mark_points(sight.rgb, _marks(offered)))
+        answer: dict[str, Any] | None = None
+        if not offered:
+            chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free in the view at {sight.heading_deg:+d}°")
+        elif settings.choice == "centre":
+            chosen = _centre(offered, settings.min_move_m)
+        else:
+            sortie.count_stop()
+            question = ChooseDirectionQuestion(
+                model=settings.vision_model,
+                oracle_episode=sortie.flown.id,
+                heading_deg=sight.heading_deg,
+                image=marked,
+                points=_marks(offered),
+                task=_task(sortie),
+            )
+            reply = await sortie.book.ask("choice", sortie.ports.vision.choose_direction(question))
+            answer = reply.answer.model_dump(mode="json")
+            label = reply.answer.label if isinstance(reply, Answered) else None
+            point = next((p for p in offered if p.label == label), None)
+            if point is not None:
+                chosen = Chosen(point, "the model's choice")
+            else:
+                chosen = _widest(offered, f"the choice model's answer was {_why(reply.answer.outcome)}")
+        sortie.write(
+            "direction",
+            f"view {sight.heading_deg:+d}° ({view.reason.replace('_', ' ')}): "
+            + (f"point {chosen.point.label}, {chosen.by}" if chosen.point else chosen.by),
+            {
+                "exploration_step": sortie.exploration_steps,
+                "heading_deg": sight.heading_deg,
+                "viewpoint": view.model_dump(mode="json"),
+                "points": [p.model_dump() for p in safe.points],
+                "offered": [p.label for p in offered],
+                "label": chosen.point.label if chosen.point else None,
+                "by": chosen.by,
+                "answer": answer,
+            },
+            {"marked": jpeg_bytes(marked)},
+        )
+        return chosen
+
+
+def _centre(offered: list[DirectionPoint], min_move_m: float) -> Chosen:
+    """The ablation: always the point straight ahead."""
+    point = next((p for p in offered if p.label == "c"), None)
+    if point is None:
+        return Chosen(None, f"the way straight ahead is shorter than {min_move_m:g} m")
+    return Chosen(point, "always the centre")
+
+
+def _widest(offered: list[DirectionPoint], why: str) -> Chosen:
+    """Without a usable answer: the centre where it is offered, else the longest way."""
+    point = next((p for p in offered if p.label == "c"), None) or max(offered, key=lambda p: p.distance_m)
+    return Chosen(point, why)
+
+
+def _marks(points: Iterable[DirectionPoint]) -> tuple[MarkedPoint, ...]:
+    return tuple(MarkedPoint(label=p.label, x=p.x, y=p.y, distance_m=p.distance_m) for p in points)
+
+
+def _task(sortie: Sortie) -> str:
+    way = sortie.settings.viewpoint.direction
+    side = "right" if way == "clockwise" else "left"
+    return (
+        f"Find the window with a {sortie.object} on floor {sortie.floor}. The drone flies {way} round the building, "
+        f"which is on its {side}."
+    )
+
+
+def _best(sightings: list[Sighting], near: Point3 | None) -> Sighting | None:
+    """The most confident sighting that was not rejected, or the one closest to `near`."""
+    kept = [s for s in sightings if s.rejected is None and s.place is not None]
+    if not kept:
+        return None
+    if near is None:
+        return kept[0]
+    return min(kept, key=lambda s: distance_m(s.place, near) if s.place else math.inf)
+
+
+def _why(outcome: str) -> str:
+    return "none of the points offered" if outcome == "answered" else outcome
+
+
+def _said(outcome: str, sightings: list[Sighting], best: Sighting | None, thing: str) -> str:
+    if outcome != "answered":
+        return f"the recognition model's answer was {outcome}"
+    if best is not None:
+        return f"{thing} seen at {best.match.heading_deg:+d}°, {best.distance_m:.1f} m away"
+    if sightings:
+        return f"{len(sightings)} sightings rejected: {sightings[0].rejected}"
+    return f"no {thing} in sight"
+
+
+def _data_of(sighting: Sighting, accepted: bool) -> dict[str, Any]:
+    return {
+        **sighting.match.model_dump(),
+        "place": sighting.place.model_dump() if sighting.place else None,
+        "distance_m": round(sighting.distance_m, 2) if sighting.distance_m is not None else None,
+        "accepted": accepted,
+        "rejected": sighting.rejected,
+    }
+
+
+def _boxed(look: Look, best: Sighting | None) -> dict[str, bytes]:
+    """The view of the sighting, with its box drawn."""
+    if best is None:
+        return {}
+    label = f"{best.match.confidence:.2f}, {best.distance_m:.1f} m" if best.distance_m is not None else ""
+    drawn = mark_box(look.sights[best.match.heading_deg].rgb, best.match.box, label)
+    return {"sighting": jpeg_bytes(encode_jpeg(drawn))}

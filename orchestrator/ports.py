@@ -1,0 +1,111 @@
+"""What a mission needs from the outside: four small ports that speak the contracts' types.
+
+PortError               a port brought no answer of its contract
+  ModelUnreachable      the model behind it can't be reached, or not in time: no answer, so nothing to score
+  ServiceUnreachable    the service itself can't be reached
+  ServiceRefused        the service answered with an error of its own
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from contracts.depth_assist import (
+    ApproachAnswer,
+    ApproachQuestion,
+    SafeDistancesAnswer,
+    SafeDistancesQuestion,
+    ViewpointAnswer,
+    ViewpointQuestion,
+)
+from contracts.geometry import VIEW_HEADINGS_DEG, Heading
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.vlm_gateway import (
+    BuildingBoxAnswer,
+    BuildingBoxQuestion,
+    ChooseDirectionAnswer,
+    ChooseDirectionQuestion,
+    FindObjectAnswer,
+    FindObjectQuestion,
+    FloorCountAnswer,
+    FloorCountQuestion,
+)
+
+
+class PortError(Exception):
+    """A port brought no answer of its contract; the message says which and why."""
+
+
+class ModelUnreachable(PortError):
+    """The model behind a service can't be reached, or not in time."""
+
+
+class ServiceUnreachable(PortError):
+    """Nobody answered, or not in time."""
+
+
+class ServiceRefused(PortError):
+    """The service's own error; `code` is for programs."""
+
+    def __init__(self, message: str, *, code: str, status: int) -> None:
+        super().__init__(message)
+        self.code = code
+        self.status = status
+
+
+class Parser(Protocol):
+    """Request in, floor and object out. Every method of every port raises PortError and nothing else."""
+
+    async def parse(self, question: ParseQuestion) -> ParseAnswer: ...
+
+
+class Vision(Protocol):
+    """The four typed questions about pictures."""
+
+    async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer: ...
+
+    async def building_box(self, question: BuildingBoxQuestion) -> BuildingBoxAnswer: ...
+
+    async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer: ...
+
+    async def choose_direction(self, question: ChooseDirectionQuestion) -> ChooseDirectionAnswer: ...
+
+
+class DepthAssist(Protocol):
+    """What depth says: which view, how far, which way in."""
+
+    async def viewpoint(self, question: ViewpointQuestion) -> ViewpointAnswer: ...
+
+    async def safe_distances(self, question: SafeDistancesQuestion) -> SafeDistancesAnswer: ...
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer: ...
+
+
+class World(Protocol):
+    """Where the drone flies: a simulator, or a vehicle. It judges a claim; it never tells the truth to a mission."""
+
+    async def start(self, question: EpisodeQuestion) -> Episode: ...
+
+    async def observe(
+        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
+    ) -> Observation: ...
+
+    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
+        """Move `number` (1, 2, ...); the same number again is the same move."""
+        ...
+
+    async def claim(self, episode: str, claim: Claim) -> Verdict: ...
+
+    async def end(self, episode: str) -> None:
+        """Gives the episode back; one that is gone already is no error."""
+        ...
+
+
+@dataclass(frozen=True)
+class Ports:
+    """The four parts a mission is flown with."""
+
+    parser: Parser
+    vision: Vision
+    depth: DepthAssist
+    world: World

@@ -1,0 +1,173 @@
+"""The record of one delivery: a folder that only grows, and from which everything can be shown later.
+
+question.json    what was asked for, with every setting and the scene
+delivery.json    id, time, request
+events.jsonl     one contracts.orchestrator.Event a line, flushed as it happens
+pictures/        the JPEG of each view, marked pictures, named by the events
+result.json      written last, in one piece: a folder without it is a delivery that was cut off
+summary.png      one picture for people
+"""
+
+import os
+import re
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+from pydantic import ValidationError
+
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, Phase
+
+PICTURE_NAME = re.compile(r"^[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg$")
+DELIVERY_ID = re.compile(r"^[0-9]{8}-[0-9]{6}-[0-9a-f]{6}$")
+
+
+class Log(Protocol):
+    """Where a mission writes what happens."""
+
+    def write(
+        self,
+        phase: Phase,
+        kind: str,
+        message: str,
+        data: Mapping[str, Any] | None = None,
+        pictures: Mapping[str, bytes] | None = None,
+    ) -> None:
+        """One event; `pictures` are JPEG files by a short name."""
+        ...
+
+
+class Record:
+    """The folder of a running delivery. `listener` hears every event after it has been written."""
+
+    def __init__(
+        self,
+        folder: Path,
+        delivery: Delivery,
+        question: DeliveryQuestion,
+        *,
+        listener: Callable[[Event], None] | None = None,
+    ) -> None:
+        self.folder = folder
+        self.delivery = delivery
+        self._listener = listener
+        self._started = time.monotonic()
+        self._number = 0
+        (folder / "pictures").mkdir(parents=True)
+        write_whole(folder / "question.json", question.model_dump_json(indent=1))
+        write_whole(folder / "delivery.json", delivery.model_dump_json(indent=1))
+        self._events = (folder / "events.jsonl").open("x", encoding="utf-8")
+
+    def write(
+        self,
+        phase: Phase,
+        kind: str,
+        message: str,
+        data: Mapping[str, Any] | None = None,
+        pictures: Mapping[str, bytes] | None = None,
+    ) -> None:
+        self._number += 1
+        names = []
+        for short, jpeg in (pictures or {}).items():
+            name = f"{self._number:04d}_{short}.jpg"
+            (self.folder / "pictures" / name).write_bytes(jpeg)
+            names.append(name)
+        event = Event(
+            number=self._number,
+            time_s=round(time.monotonic() - self._started, 3),
+            phase=phase,
+            kind=kind,
+            message=message,
+            data=dict(data or {}),
+            pictures=tuple(names),
+        )
+        self._events.write(event.model_dump_json() + "\n")
+        self._events.flush()
+        if self._listener is not None:
+            self._listener(event)
+
+    def conclude(self, result: DeliveryResult) -> None:
+        """Writes the result: from here on the delivery is done, whatever happens to the process."""
+        write_whole(self.folder / "result.json", result.model_dump_json(indent=1))
+
+    def announce(self, result: DeliveryResult) -> None:
+        """Writes the last event, after everything else is in the folder, and closes the record."""
+        self.write("done", "result", f"{result.outcome}: {result.message}", result.model_dump(mode="json"))
+        os.fsync(self._events.fileno())
+        self.close()
+
+    def close(self) -> None:
+        self._events.close()
+
+
+def new_id() -> str:
+    """A delivery's name: when it was asked for, and six random hexadecimal digits."""
+    return f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{os.urandom(3).hex()}"
+
+
+def now() -> str:
+    return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Either the whole file is there or nothing of it."""
+    part = path.with_name(path.name + ".part")
+    with part.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
+
+
+def read_events(folder: Path) -> list[Event]:
+    """All whole events of a record; a line cut off by a crash ends the list."""
+    events: list[Event] = []
+    try:
+        lines = (folder / "events.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return events
+    for line in lines:
+        try:
+            events.append(Event.model_validate_json(line))
+        except ValidationError:
+            break
+    return events
+
+
+def read_delivery(folder: Path) -> Delivery | None:
+    """A delivery as its record tells it, or null where the folder is not a record. One that was cut off has ended
+    with outcome `failed`."""
+    try:
+        delivery = Delivery.model_validate_json((folder / "delivery.json").read_text(encoding="utf-8"))
+    except (OSError, ValidationError):
+        return None
+    try:
+        result = DeliveryResult.model_validate_json((folder / "result.json").read_text(encoding="utf-8"))
+    except (OSError, ValidationError):
+        result = cut_off(len(read_events(folder)))
+    return delivery.model_copy(
+        update={"status": "done", "phase": "done", "result": result, "folder": str(folder)},
+    )
+
+
+def cut_off(events: int) -> DeliveryResult:
+    """The result of a delivery whose process ended before it did."""
+    return DeliveryResult(
+        outcome="failed",
+        message=f"the record breaks off after {events} events: the process that flew it ended",
+        steps=0,
+        exploration_steps=0,
+        path_m=0.0,
+        path_horizontal_m=0.0,
+        flight_s=0.0,
+        floor=None,
+        object=None,
+        final_height_m=None,
+        pose=None,
+        verdict=None,
+        timings_s={},
+        model_calls={},
+        renderer=None,
+    )

@@ -1,0 +1,29 @@
+"""The deliveries that ship with the project: one JSON file each (contracts.orchestrator.Sample)."""
+
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from contracts.orchestrator import Sample
+
+FOLDER = Path(__file__).parent / "samples"
+
+
+class UnknownSample(ValueError):
+    """No such sample; the message lists those there are."""
+
+
+def names(folder: Path = FOLDER) -> list[str]:
+    return sorted(path.stem for path in folder.glob("*.json"))
+
+
+def load(name: str, folder: Path = FOLDER) -> Sample:
+    """Raises UnknownSample, or ValueError for a file that is not a sample."""
+    if name not in names(folder):
+        raise UnknownSample(f"there is no sample {name!r}; there are: {', '.join(names(folder)) or 'none'}")
+    try:
+        return Sample.model_validate_json((folder / f"{name}.json").read_text(encoding="utf-8"))
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ValueError(f"sample {name}: {where}: {first['msg']}") from None

@@ -1,0 +1,113 @@
+"""From a match in a picture to a place in the street, and back: by depth, never by what a model says of distances."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.geometry import Box, Point3
+from contracts.vlm_gateway import Match
+from navigation.camera import Pose, direction, pinhole, pixel_place
+from orchestrator.sortie import Look, Sight
+
+MAX_SIGHTING_M = 25.0
+SAME_FLOOR = 0.75
+FACADE_SAMPLES = 24
+
+
+class Extent(NamedTuple):
+    """How wide and high a thing is that fills a box, in metres."""
+
+    width_m: float
+    height_m: float
+
+
+class Sighting(NamedTuple):
+    """A match with its place. `rejected` says why it can't be the window that was asked for; null if it can.
+    `place`, `distance_m` and `extent` are null where the box holds no depth."""
+
+    match: Match
+    place: Point3 | None
+    distance_m: float | None
+    extent: Extent | None
+    rejected: str | None
+
+
+def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float) -> Sighting:
+    """Judges a match by the depth in its box.
+
+    The place is the middle of the box at the median depth of the box's inner half. It must have depth, lie within
+    `MAX_SIGHTING_M`, and within `SAME_FLOOR` floors of `floor_z`, the middle of the floor that was asked for (metres).
+    """
+    box = match.box
+    depth_m = _median_depth_m(sight.depth_m, box)
+    if depth_m is None:
+        return Sighting(match, None, None, None, "no depth in its box")
+    height, width = sight.depth_m.shape
+    camera = pinhole(width, height)
+    middle = ((box.x_min + box.x_max) / 2 * width, (box.y_min + box.y_max) / 2 * height)
+    at = pixel_place(camera, *middle, depth_m, _pose(sight), sight.heading_deg)
+    metres_per_px = depth_m / camera.focal_px
+    extent = Extent((box.x_max - box.x_min) * width * metres_per_px, (box.y_max - box.y_min) * height * metres_per_px)
+    away = math.dist(at, (sight.pose.x, sight.pose.y, sight.pose.z))
+    rejected = None
+    if away > MAX_SIGHTING_M:
+        rejected = f"{away:.1f} m away, too far to be sure"
+    elif abs(at.z - floor_z) > SAME_FLOOR * floor_height_m:
+        rejected = f"at height {at.z:.1f} m, not on the floor asked for (about {floor_z:.1f} m)"
+    return Sighting(match, Point3(x=at.x, y=at.y, z=at.z), away, extent, rejected)
+
+
+def project(place: Point3, extent: Extent, look: Look) -> tuple[Sight, Box] | None:
+    """Where a thing of that extent must be in one of the views, as far as it lies in the picture; the view in which
+    it is nearest to the middle. Null where it is in none of them."""
+    best: tuple[float, Sight, Box] | None = None
+    for sight in look.sights.values():
+        forward = direction(sight.pose.yaw, sight.heading_deg)
+        dx, dy, up = place.x - sight.pose.x, place.y - sight.pose.y, place.z - sight.pose.z
+        ahead = dx * forward[0] + dy * forward[1]
+        right = dx * forward[1] - dy * forward[0]
+        if ahead < 0.1:
+            continue
+        # 90 degrees across and down: half the picture is as far to the side as the thing is ahead
+        x, y = 0.5 + right / ahead / 2, 0.5 - up / ahead / 2
+        half_x, half_y = extent.width_m / ahead / 4, extent.height_m / ahead / 4
+        edges = [min(1.0, max(0.0, e)) for e in (x - half_x, y - half_y, x + half_x, y + half_y)]
+        if not (0.0 < x < 1.0 and 0.0 < y < 1.0) or edges[2] - edges[0] < 0.005 or edges[3] - edges[1] < 0.005:
+            continue
+        off = abs(x - 0.5)
+        if best is None or off < best[0]:
+            best = (off, sight, Box(x_min=edges[0], y_min=edges[1], x_max=edges[2], y_max=edges[3]))
+    return best[1:] if best else None
+
+
+def facade_returns(sights: list[Sight]) -> list[tuple[float, float]]:
+    """Where the middle rows of some views hit something: plan points in metres, for drawing only."""
+    points = []
+    for sight in sights:
+        height, width = sight.depth_m.shape
+        camera = pinhole(width, height)
+        row = sight.depth_m[height // 2]
+        for column in np.linspace(0, width - 1, FACADE_SAMPLES).astype(int):
+            depth = float(row[column])
+            if math.isfinite(depth) and 0.0 < depth < 40.0:
+                at = pixel_place(camera, column + 0.5, height / 2, depth, _pose(sight), sight.heading_deg)
+                points.append((round(at.x, 2), round(at.y, 2)))
+    return points
+
+
+def _median_depth_m(depth_m: NDArray[np.float32], box: Box) -> float | None:
+    height, width = depth_m.shape
+    x_quarter, y_quarter = (box.x_max - box.x_min) / 4, (box.y_max - box.y_min) / 4
+    left = min(int((box.x_min + x_quarter) * width), width - 1)
+    top = min(int((box.y_min + y_quarter) * height), height - 1)
+    right = max(left + 1, math.ceil((box.x_max - x_quarter) * width))
+    bottom = max(top + 1, math.ceil((box.y_max - y_quarter) * height))
+    inner = depth_m[top:bottom, left:right]
+    valid = inner[np.isfinite(inner) & (inner > 0.0)]
+    return float(np.median(valid)) if valid.size else None
+
+
+def _pose(sight: Sight) -> Pose:
+    return Pose(sight.pose.x, sight.pose.y, sight.pose.z, sight.pose.yaw)

@@ -1,0 +1,202 @@
+"""One picture of a delivery for people, drawn from its record alone."""
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.orchestrator import Delivery, DeliveryResult, Event
+from orchestrator.record import read_delivery, read_events
+
+Canvas = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+WIDTH, MARGIN, PANEL = 1760, 24, 410
+HEAD, PLAN = 118, 470
+PAPER: Colour = (250, 249, 246)
+INK: Colour = (32, 34, 38)
+SOFT: Colour = (112, 116, 122)
+LINE: Colour = (214, 212, 206)
+TRACK: Colour = (28, 98, 196)
+GOOD: Colour = (24, 128, 72)
+BAD: Colour = (186, 44, 36)
+WALL: Colour = (148, 140, 128)
+FONT = cv2.FONT_HERSHEY_DUPLEX
+
+
+def draw_summary(folder: Path) -> Path:
+    """Writes `summary.png` into a record's folder: start, floor count, sighting, last view, the way flown.
+
+    Raises ValueError where the folder holds no record, OSError where it can't be written.
+    """
+    delivery, events = read_delivery(folder), read_events(folder)
+    if delivery is None or delivery.result is None:
+        raise ValueError(f"{folder} holds no record of a delivery")
+    height = HEAD + 52 + PANEL + MARGIN + PLAN + MARGIN
+    canvas: Canvas = np.full((height, WIDTH, 3), PAPER, np.uint8)
+    _head(canvas, delivery, delivery.result)
+    for at, (title, picture) in enumerate(_panels(events)):
+        _panel(canvas, MARGIN + at * (PANEL + MARGIN), HEAD, f"{at + 1}  {title}", _read(folder, picture))
+    top = HEAD + 52 + PANEL + MARGIN
+    _plan(canvas[top : top + PLAN, MARGIN : MARGIN + 2 * PANEL + MARGIN], events)
+    _facts(canvas, 2 * (PANEL + MARGIN) + MARGIN, top, delivery.result, events)
+    path = folder / "summary.png"
+    part = folder / "summary.part.png"
+    if not cv2.imwrite(str(part), cv2.cvtColor(canvas, cv2.COLOR_RGB2BGR)):
+        raise OSError(f"{part} could not be written")
+    part.replace(path)
+    return path
+
+
+def _panels(events: Sequence[Event]) -> list[tuple[str, str | None]]:
+    counts = [e for e in events if e.kind == "floor_count"]
+    looks = [e for e in events if e.kind == "look"]
+    seen = [e for e in looks if e.phase == "explore" and any(s["accepted"] for s in e.data["sightings"])]
+    counted = f"{counts[-1].data['floors_new']} floors counted" if counts else "no floor counted"
+    last = looks[-1] if looks else None
+    return [
+        ("At the foot of the building", _view(e for e in events if e.kind == "stand_off")),
+        (f"Floor count: {counted}", _view(reversed(counts))),
+        ("The sighting" if seen else "Last marked choice", _named(seen[-1:], "sighting") or _last(events, "marked")),
+        ("Where it ended" if seen else "The last look", _view([last] if last else [])),
+    ]
+
+
+def _view(events: Iterable[Event]) -> str | None:
+    return next((name for e in events for name in e.pictures if name.endswith("_view.jpg")), None)
+
+
+def _named(events: Sequence[Event], short: str) -> str | None:
+    return next((name for e in reversed(events) for name in e.pictures if name.endswith(f"_{short}.jpg")), None)
+
+
+def _last(events: Sequence[Event], short: str) -> str | None:
+    return _named(events, short)
+
+
+def _read(folder: Path, name: str | None) -> Canvas | None:
+    image = cv2.imread(str(folder / "pictures" / name)) if name else None
+    return None if image is None else cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
+
+
+def _head(canvas: Canvas, delivery: Delivery, result: DeliveryResult) -> None:
+    lines = _wrapped(f'"{delivery.request}"', WIDTH - 2 * MARGIN - 330, 0.82)[:2]
+    for at, line in enumerate(lines):
+        _write(canvas, line, (MARGIN, 52 + 38 * at), 0.82, INK)
+    good = result.outcome == "delivered"
+    label = result.outcome.replace("_", " ")
+    wide = _width(label, 0.95) + 44
+    left = WIDTH - MARGIN - wide
+    cv2.rectangle(canvas, (left, 22), (WIDTH - MARGIN, 78), GOOD if good else BAD, -1, cv2.LINE_AA)
+    _write(canvas, label, (left + 22, 60), 0.95, (255, 255, 255))
+
+
+def _panel(canvas: Canvas, left: int, top: int, title: str, picture: Canvas | None) -> None:
+    _write(canvas, title, (left, top + 32), 0.66, INK)
+    top += 48
+    if picture is None:
+        cv2.rectangle(canvas, (left, top), (left + PANEL, top + PANEL), LINE, 2)
+        _write(canvas, "not reached", (left + PANEL // 2 - 70, top + PANEL // 2), 0.66, SOFT)
+        return
+    canvas[top : top + PANEL, left : left + PANEL] = cv2.resize(picture, (PANEL, PANEL), interpolation=cv2.INTER_AREA)
+
+
+def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
+    """The way flown, seen from above: measured poses, and what the depth cameras saw of walls."""
+    height, width = canvas.shape[:2]
+    cv2.rectangle(canvas, (0, 0), (width - 1, height - 1), LINE, 2)
+    _write(canvas, "The way flown, from above", (18, 34), 0.66, INK)
+    track = [(p["x"], p["y"]) for p in track_of(events)]
+    walls = [tuple(p) for e in events if e.kind == "look" for p in e.data["returns"]]
+    if not track:
+        return
+    near = [w for w in walls if min(math.dist(w, t) for t in track) < 18.0]
+    points = np.array(track + near, float)
+    low, high = points.min(axis=0) - 2.0, points.max(axis=0) + 2.0
+    scale = min((width - 60) / (high[0] - low[0]), (height - 100) / (high[1] - low[1]), 40.0)
+    middle = (low + high) / 2
+
+    def at(p: Sequence[float]) -> tuple[int, int]:
+        return (
+            round(width / 2 + (p[0] - middle[0]) * scale),
+            round((height + 30) / 2 - (p[1] - middle[1]) * scale),
+        )
+
+    for wall in near:
+        cv2.circle(canvas, at(wall), 3, WALL, -1, cv2.LINE_AA)
+    cv2.polylines(canvas, [np.array([at(p) for p in track], np.int32)], False, TRACK, 3, cv2.LINE_AA)
+    for event in events:
+        if event.kind == "look" and event.phase == "explore":
+            cv2.circle(canvas, at((event.data["pose"]["x"], event.data["pose"]["y"])), 7, TRACK, -1, cv2.LINE_AA)
+    cv2.circle(canvas, at(track[0]), 11, INK, -1, cv2.LINE_AA)
+    _write(canvas, "start", (at(track[0])[0] + 16, at(track[0])[1] + 22), 0.56, INK)
+    result = next((e.data for e in reversed(events) if e.kind == "verdict"), None)
+    end = GOOD if result and result.get("delivered") else BAD
+    cv2.circle(canvas, at(track[-1]), 11, end, -1, cv2.LINE_AA)
+    ten = round(10 * scale)
+    cv2.line(canvas, (width - 30 - ten, height - 22), (width - 30, height - 22), SOFT, 2)
+    _write(canvas, "10 m", (width - 30 - ten, height - 32), 0.5, SOFT)
+
+
+def track_of(events: Sequence[Event]) -> list[dict[str, Any]]:
+    """The poses and way points of a record, in the order flown."""
+    track: list[dict[str, Any]] = [e.data["pose"] for e in events if e.kind == "placed"]
+    for event in events:
+        if event.kind == "move":
+            reached = event.data["path"] if event.data["reached"] else []
+            track += [*reached[:-1], event.data["to"]]
+    return track
+
+
+def _facts(canvas: Canvas, left: int, top: int, result: DeliveryResult, events: Sequence[Event]) -> None:
+    calls = sum(c.calls for c in result.model_calls.values())
+    hits = sum(c.cache_hits for c in result.model_calls.values())
+    height = f", at {result.final_height_m:.1f} m" if result.final_height_m is not None else ""
+    rows = [
+        ("Understood", f"floor {result.floor or '?'}, {result.object or 'no object'}"),
+        ("Floor", f"{result.floor or '?'}{height}"),
+        ("Stops with a model query", f"{result.steps} ({result.exploration_steps} of them exploring)"),
+        ("Way flown", f"{result.path_m:.1f} m in {result.flight_s:.0f} s of flight"),
+        ("Model calls", f"{calls}, {hits} from the cache"),
+        ("Wall time", f"{result.timings_s.get('total', 0.0):.1f} s"),
+        ("Pictures by", result.renderer or "nobody"),
+    ]
+    cv2.rectangle(canvas, (left, top), (WIDTH - MARGIN, top + PLAN - 1), LINE, 2)
+    y = top + 46
+    for name, value in rows:
+        _write(canvas, name, (left + 24, y), 0.62, SOFT)
+        _write(canvas, value, (left + 330, y), 0.62, INK)
+        y += 46
+    y += 8
+    for line in _wrapped(result.message, WIDTH - MARGIN - left - 48, 0.66)[:3]:
+        _write(canvas, line, (left + 24, y), 0.66, GOOD if result.outcome == "delivered" else BAD)
+        y += 36
+
+
+def _write(canvas: Canvas, text: str, at: tuple[int, int], scale: float, colour: Colour) -> None:
+    cv2.putText(canvas, _plain(text), at, FONT, scale, colour, 1, cv2.LINE_AA)
+
+
+def _width(text: str, scale: float) -> int:
+    return int(cv2.getTextSize(_plain(text), FONT, scale, 1)[0][0])
+
+
+def _plain(text: str) -> str:
+    """The drawing font knows ASCII only."""
+    swaps = {"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-", "°": " deg", "…": "...", "\n": " "}
+    return "".join(swaps.get(c, c if c.isascii() else "?") for c in text)
+
+
+def _wrapped(text: str, width: int, scale: float) -> list[str]:
+    lines = [""]
+    for word in text.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if _width(longer, scale) <= width or not lines[-1]:
+            lines[-1] = longer
+        else:
+            lines.append(word)
+    return lines

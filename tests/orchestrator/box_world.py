@@ -1,0 +1,326 @@
+"""A small honest world for mission tests: one block on flat ground, depth by ray casting, a drone that collides.
+
+`BlockWorld` is a World, `BlockVision` a Vision that answers from the block's geometry, `SceneParser` a Parser that
+knows one pattern, and `LocalDepthAssist` a DepthAssist that calls the real service's functions in process.
+"""
+
+import asyncio
+import math
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.depth_assist import (
+    ApproachAnswer,
+    ApproachQuestion,
+    SafeDistancesAnswer,
+    SafeDistancesQuestion,
+    ViewpointAnswer,
+    ViewpointQuestion,
+)
+from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point2, Point3, Pose
+from contracts.images import encode_depth, encode_jpeg
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.scene import Building, Scene, Start
+from contracts.sim import (
+    Camera,
+    Claim,
+    Episode,
+    EpisodeQuestion,
+    Flight,
+    Move,
+    MoveResult,
+    Observation,
+    SensedView,
+    Verdict,
+)
+from contracts.vlm_gateway import (
+    Answer,
+    BuildingBoxAnswer,
+    BuildingBoxQuestion,
+    ChooseDirectionAnswer,
+    ChooseDirectionQuestion,
+    FindObjectAnswer,
+    FindObjectQuestion,
+    FloorCountAnswer,
+    FloorCountQuestion,
+    Match,
+)
+from orchestrator.ports import Ports, ServiceRefused
+from services.depth_assist.app import choose_viewpoint, measure_safe_distances, plan_approach
+
+SIZE = 120
+RADIUS_M = 0.35
+
+
+@dataclass(frozen=True)
+class Block:
+    """An upright box [x0, x1] x [y0, y1] x [0, floors * floor_height_m], and a thing in front of one of its walls."""
+
+    x0: float = -8.0
+    x1: float = 8.0
+    y0: float = -6.0
+    y1: float = 6.0
+    floors: int = 6
+    floor_height_m: float = 3.0
+    thing: tuple[float, float, float] = (3.0, -6.2, 10.5)
+    thing_normal: tuple[float, float] = (0.0, -1.0)
+    start: Pose = Pose(x=0.0, y=-15.0, z=1.5, yaw=math.pi / 2)
+
+    @property
+    def top(self) -> float:
+        return self.floors * self.floor_height_m
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        """From a point to the block or the ground, metres."""
+        dx = max(self.x0 - x, 0.0, x - self.x1)
+        dy = max(self.y0 - y, 0.0, y - self.y1)
+        dz = max(0.0, z - self.top)
+        return min(z, math.sqrt(dx * dx + dy * dy + dz * dz))
+
+    def cast(self, eye: tuple[float, float, float], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+        """rays: (..., 3). How many ray lengths until the block or the ground is hit; inf for none."""
+        low, high = np.array([self.x0, self.y0, 0.0]), np.array([self.x1, self.y1, self.top])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (low - eye) / rays, (high - eye) / rays
+            near, far = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
+            block = np.where((near <= far) & (near > 0), near, np.inf)
+            ground = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
+        return np.minimum(block, ground)
+
+
+def block_scene(block: Block) -> Scene:
+    """A scene document that fits the block; the block world reads nothing of it."""
+    corners = ((block.x0, block.y0), (block.x1, block.y0), (block.x1, block.y1), (block.x0, block.y1))
+    building = Building(
+        id="house", kind="low_rise", footprint=tuple(Point2(x=x, y=y) for x, y in corners), floors=block.floors
+    )
+    place = Point3(x=block.start.x, y=block.start.y, z=block.start.z)
+    return Scene(name="block", buildings=(building,), target="house", start=Start(position=place, yaw=block.start.yaw))
+
+
+@dataclass
+class BlockWorld:
+    """The block with one drone. `slow_s` is slept at every observation."""
+
+    block: Block = field(default_factory=Block)
+    slow_s: float = 0.0
+    live: dict[str, Episode] = field(default_factory=dict)
+    ended: list[str] = field(default_factory=list)
+    observations: int = 0
+
+    async def start(self, question: EpisodeQuestion) -> Episode:
+        if any(o.kind == "unicorn" for o in question.scene.objects):
+            raise ServiceRefused("sim: there is no class unicorn", code="unknown_class", status=422)
+        episode = Episode(
+            id=f"e{len(self.live) + len(self.ended) + 1}",
+            status="flying",
+            scene=question.scene.name,
+            pose=self.block.start,
+            moves=0,
+            path_m=0.0,
+            path_horizontal_m=0.0,
+            flight_s=0.0,
+            collided=False,
+            renderer="tiny",
+            renderer_detail="ray casting",
+            flight=Flight(),
+            expires_in_s=600.0,
+        )
+        self.live[episode.id] = episode
+        return episode
+
+    async def observe(
+        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = SIZE
+    ) -> Observation:
+        await asyncio.sleep(self.slow_s)
+        self.observations += 1
+        pose = self._episode(episode).pose
+        grey = encode_jpeg(np.full((SIZE, SIZE, 3), 128, np.uint8))
+        return Observation(
+            episode=episode,
+            number=self.observations,
+            pose=pose,
+            camera=Camera(width=SIZE, height=SIZE, focal_px=SIZE / 2),
+            views=tuple(
+                SensedView(heading_deg=h, image=grey, depth=encode_depth(self._depth_m(pose, h))) for h in headings
+            ),
+            renderer="tiny",
+            render_s=0.0,
+            encode_s=0.0,
+        )
+
+    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
+        before = self._episode(episode)
+        at = (before.pose.x, before.pose.y, before.pose.z)
+        yaw, flown, level, hit = before.pose.yaw, 0.0, 0.0, None
+        for goal in move.path:
+            end = (goal.x, goal.y, goal.z)
+            steps = max(1, math.ceil(math.dist(at, end) / 0.1))
+            begin = at
+            for k in range(1, steps + 1):
+                p = tuple(a + (b - a) * k / steps for a, b in zip(begin, end, strict=True))
+                if self.block.distance(*p) < RADIUS_M:
+                    hit = "house"
+                    break
+                flown += math.dist(at, p)
+                level += math.dist(at[:2], p[:2])
+                at = p
+            if math.dist(begin[:2], at[:2]) > 0.01:
+                yaw = math.atan2(at[1] - begin[1], at[0] - begin[0])
+            if hit:
+                break
+        pose = Pose(x=at[0], y=at[1], z=at[2], yaw=yaw if move.yaw is None else math.remainder(move.yaw, math.tau))
+        after = before.model_copy(
+            update={
+                "pose": pose,
+                "moves": number,
+                "path_m": before.path_m + flown,
+                "path_horizontal_m": before.path_horizontal_m + level,
+                "flight_s": before.flight_s + flown / 4,
+                "collided": before.collided or hit is not None,
+            }
+        )
+        self.live[episode] = after
+        return MoveResult(
+            number=number,
+            pose=pose,
+            reached=hit is None,
+            collided=hit is not None,
+            hit=hit,
+            path_m=flown,
+            flight_s=flown / 4,
+            episode=after,
+        )
+
+    async def claim(self, episode: str, claim: Claim) -> Verdict:
+        now = self._episode(episode).model_copy(update={"status": "claimed"})
+        self.live[episode] = now
+        thing, normal = self.block.thing, self.block.thing_normal
+        right = claim.target is not None and math.dist((claim.target.x, claim.target.y, claim.target.z), thing) < 1.0
+        away = math.dist((now.pose.x, now.pose.y, now.pose.z), thing)
+        front = (now.pose.x - thing[0]) * normal[0] + (now.pose.y - thing[1]) * normal[1] > 0
+        return Verdict(
+            judged=True,
+            delivered=right and away <= 3.0 and front and not now.collided,
+            right_window=right,
+            distance_m=away,
+            in_front=front,
+            line_of_sight=True,
+            collided=now.collided,
+            episode=now,
+        )
+
+    async def end(self, episode: str) -> None:
+        if self.live.pop(episode, None) is not None:
+            self.ended.append(episode)
+
+    def pose(self, episode: str) -> Pose:
+        return self._episode(episode).pose
+
+    def sees(self, pose: Pose, heading: Heading) -> Box | None:
+        """The thing's box (0.8 m each way) in one view; null where it is out of the picture or behind the block."""
+        forward, right = axes(pose, heading)
+        gap = np.subtract(self.block.thing, (pose.x, pose.y, pose.z))
+        ahead, aside = float(gap @ forward), float(gap @ right)
+        if ahead < 0.3 or math.hypot(*gap) > 16.0:
+            return None
+        x, y, half = 0.5 + aside / ahead / 2, 0.5 - float(gap[2]) / ahead / 2, 0.4 / ahead / 2
+        hidden = float(self.block.cast((pose.x, pose.y, pose.z), gap[None])[0]) < 0.999
+        if hidden or not (half < x < 1 - half and half < y < 1 - half):
+            return None
+        return Box(x_min=x - half, y_min=y - half, x_max=x + half, y_max=y + half)
+
+    def _episode(self, episode: str) -> Episode:
+        if episode not in self.live:
+            raise ServiceRefused(f"sim: there is no episode {episode}", code="not_found", status=404)
+        return self.live[episode]
+
+    def _depth_m(self, pose: Pose, heading: Heading) -> NDArray[np.float64]:
+        forward, right = axes(pose, heading)
+        slope = (np.arange(SIZE) + 0.5 - SIZE / 2) / (SIZE / 2)
+        rays = forward + slope[None, :, None] * right - slope[:, None, None] * np.array([0.0, 0.0, 1.0])
+        return self.block.cast((pose.x, pose.y, pose.z), rays)
+
+
+def axes(pose: Pose, heading: Heading) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    angle = pose.yaw - math.radians(heading)
+    return np.array([math.cos(angle), math.sin(angle), 0.0]), np.array([math.sin(angle), -math.cos(angle), 0.0])
+
+
+@dataclass
+class BlockVision:
+    """Answers from geometry. `says` overrides single answers by method name, in order; null passes one through; an
+    exception is raised."""
+
+    world: BlockWorld
+    says: dict[str, list[Answer | Exception | None]] = field(default_factory=dict)
+    asked: list[str] = field(default_factory=list)
+
+    async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
+        pose, block = self._pose("floor_count", question.oracle_episode), self.world.block
+        reach = pose.y * -1 + block.y0 if abs(pose.x) < block.x1 else 1.0
+        middles = [(k + 0.5) * block.floor_height_m for k in range(block.floors)]
+        seen = [m for m in middles if abs(m - pose.z) < abs(reach)]
+        return self._said("floor_count", FloorCountAnswer(role="floors", floors=len(seen), **WHO))
+
+    async def building_box(self, question: BuildingBoxQuestion) -> BuildingBoxAnswer:
+        self._pose("building_box", question.oracle_episode)
+        box = Box(x_min=0.0, y_min=0.3, x_max=1.0, y_max=0.7)
+        return self._said("building_box", BuildingBoxAnswer(role="floors", box=box, **WHO))
+
+    async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
+        pose = self._pose("find_object", question.oracle_episode)
+        boxes = {v.heading_deg: self.world.sees(pose, v.heading_deg) for v in question.views}
+        matches = tuple(Match(heading_deg=h, box=b, confidence=0.9) for h, b in boxes.items() if b)
+        return self._said(
+            "find_object", FindObjectAnswer(role="recognition", found=bool(matches), matches=matches, **WHO)
+        )
+
+    async def choose_direction(self, question: ChooseDirectionQuestion) -> ChooseDirectionAnswer:
+        self._pose("choose_direction", question.oracle_episode)
+        label = next((p.label for p in question.points if p.label == "c"), question.points[0].label)
+        return self._said("choose_direction", ChooseDirectionAnswer(role="choice", label=label, **WHO))
+
+    def _pose(self, method: str, episode: str | None) -> Pose:
+        self.asked.append(method)
+        return self.world.pose(episode or "")
+
+    def _said(self, method, usual):
+        planned = self.says.get(method)
+        said = planned.pop(0) if planned else None
+        if isinstance(said, Exception):
+            raise said
+        return usual if said is None else said
+
+
+WHO = {"outcome": "answered", "backend": "scripted", "model": "geometry"}
+
+
+class LocalDepthAssist:
+    """The depth_assist service's own functions, without the wire."""
+
+    async def viewpoint(self, question: ViewpointQuestion) -> ViewpointAnswer:
+        return choose_viewpoint(question)
+
+    async def safe_distances(self, question: SafeDistancesQuestion) -> SafeDistancesAnswer:
+        return measure_safe_distances(question)
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        return plan_approach(question)
+
+
+class SceneParser:
+    """Reads "... floor <number>, ... the <object>"."""
+
+    async def parse(self, question: ParseQuestion) -> ParseAnswer:
+        floor = re.search(r"floor (\d+)", question.request)
+        thing = re.search(r"the (\w+ \w+ \w+)$", question.request)
+        found = {"floor": int(floor[1]) if floor else None, "object": thing[1] if thing else None}
+        return ParseAnswer(**found, missing=tuple(k for k, v in found.items() if v is None), model="pattern")
+
+
+def block_ports(world: BlockWorld, vision: BlockVision | None = None) -> Ports:
+    return Ports(SceneParser(), vision or BlockVision(world), LocalDepthAssist(), world)
