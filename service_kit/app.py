@@ -24,6 +24,7 @@ class Health(BaseModel):
     status: str
     service: str
     checks: dict[str, str] = {}
+    about: dict[str, str] = {}
 
 
 def create_app(
@@ -32,13 +33,15 @@ def create_app(
     version: str = "0.1.0",
     max_body_bytes: int,
     checks: Mapping[str, Check] | None = None,
+    about: Mapping[str, str] | None = None,
     token: str | None = None,
     metrics: HttpMetrics | None = None,
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
     """A FastAPI app with `/healthz`, `/readyz`, `/metrics`, bounded bodies and our error shape.
 
-    `checks` are asked, each for at most 2 s, by `/readyz`; `token` puts a bearer token in front of all but health.
+    `checks` are asked, each for at most 2 s, by `/readyz`, which also tells `about`: which parts were chosen here.
+    `token` puts a bearer token in front of all but health.
     """
     app = FastAPI(title=f"LogisticsVLN {service}", version=version, lifespan=lifespan)
     figures = metrics or HttpMetrics()
@@ -63,7 +66,7 @@ def create_app(
         if any(found):
             bad = "; ".join(f"{name}: {state}" for name, state in states.items() if state != "ok")
             raise Unavailable(f"{service} is not ready: {bad}", code="not_ready", details={"checks": states})
-        return Health(status="ready", service=service, checks=states)
+        return Health(status="ready", service=service, checks=states, about=dict(about or {}))
 
     @app.get("/metrics", tags=["health"], response_class=Response)
     async def metrics_page() -> Response:
