@@ -2,6 +2,7 @@
 
 CallError
   Unreachable     nobody answered, or not in time
+    TimedOut      not in time
   Refused         the service answered with an error: its status, code and message
   Garbled         the service answered something that is not its contract
 """
@@ -30,6 +31,10 @@ class CallError(Exception):
 
 class Unreachable(CallError):
     """Nobody answered, or not in time."""
+
+
+class TimedOut(Unreachable):
+    """No answer within the deadline."""
 
 
 class Garbled(CallError):
@@ -129,7 +134,7 @@ class ServiceClient:
             ) as response:
                 return response.status, await response.read()
         except TimeoutError:
-            raise Unreachable(self._service, f"no answer from {self.url} within {timeout_s:g} s") from None
+            raise TimedOut(self._service, f"no answer from {self.url} within {timeout_s:g} s") from None
         except (aiohttp.ClientError, OSError) as error:
             raise Unreachable(self._service, f"can't reach {self.url} ({type(error).__name__})") from None
 
