@@ -33,6 +33,7 @@ def create_app(
     version: str = "0.1.0",
     max_body_bytes: int,
     checks: Mapping[str, Check] | None = None,
+    notes: Mapping[str, Check] | None = None,
     about: Mapping[str, str] | None = None,
     token: str | None = None,
     metrics: HttpMetrics | None = None,
@@ -41,6 +42,7 @@ def create_app(
     """A FastAPI app with `/healthz`, `/readyz`, `/metrics`, bounded bodies and our error shape.
 
     `checks` are asked, each for at most 2 s, by `/readyz`, which also tells `about`: which parts were chosen here.
+    `notes` are asked and shown like `checks`, but what is wrong with them leaves the service ready.
     `token` puts a bearer token in front of all but health.
     """
     app = FastAPI(title=f"LogisticsVLN {service}", version=version, lifespan=lifespan)
@@ -60,11 +62,13 @@ def create_app(
     @app.get("/readyz", tags=["health"])
     async def readyz() -> Health:
         """Everything this service needs answers; 503 with the reasons where it doesn't."""
-        named = dict(checks or {})
+        needed, noted = dict(checks or {}), dict(notes or {})
+        named = noted | needed
         found = await asyncio.gather(*(_ask(check) for check in named.values()))
         states = {name: problem or "ok" for name, problem in zip(named, found, strict=True)}
-        if any(found):
-            bad = "; ".join(f"{name}: {state}" for name, state in states.items() if state != "ok")
+        wrong = [name for name in needed if states[name] != "ok"]
+        if wrong:
+            bad = "; ".join(f"{name}: {states[name]}" for name in wrong)
             raise Unavailable(f"{service} is not ready: {bad}", code="not_ready", details={"checks": states})
         return Health(status="ready", service=service, checks=states, about=dict(about or {}))
 
