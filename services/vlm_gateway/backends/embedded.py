@@ -1,0 +1,116 @@
+"""The model that ships with the project, behind the port: pixels and text in, decoded and run off the event loop."""
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.vlm_gateway import Match
+from service_kit.errors import BadQuestion
+from services.vlm_gateway.admission import Admission
+from services.vlm_gateway.backends.base import (
+    Building,
+    BuildingAsk,
+    Direction,
+    DirectionAsk,
+    Floors,
+    FloorsAsk,
+    Kind,
+    ObjectAsk,
+    Picture,
+    Reply,
+    Sightings,
+)
+from services.vlm_gateway.embedded import EmbeddedModel, OutOfVocabulary
+from services.vlm_gateway.errors import ModelTimeout
+
+T = TypeVar("T")
+MAX_MATCHES = 25
+
+
+class EmbeddedBackend:
+    """`concurrency` threads; each question is one piece of work."""
+
+    kind: Kind = "embedded"
+    cacheable = True
+
+    def __init__(self, model: EmbeddedModel, *, alias: str, concurrency: int, queue: int, timeout_s: float) -> None:
+        self._model = model
+        self._alias = alias
+        self._timeout_s = timeout_s
+        self._admission = Admission(alias, concurrency, queue)
+        self._threads = ThreadPoolExecutor(concurrency, thread_name_prefix="embedded")
+
+    @property
+    def model(self) -> str:
+        return f"embedded-{self._model.version}"
+
+    @property
+    def fingerprint(self) -> dict[str, object]:
+        return {"version": self._model.version}
+
+    async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
+        return await self._run(partial(self._count_floors, ask))
+
+    async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
+        return await self._run(partial(self._find_building, ask))
+
+    async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
+        return await self._run(partial(self._find_object, ask))
+
+    async def choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
+        return await self._run(partial(self._choose_direction, ask))
+
+    def status(self) -> dict[str, object]:
+        return {"running": self._admission.running, "waiting": self._admission.waiting}
+
+    async def close(self) -> None:
+        self._threads.shutdown(wait=False, cancel_futures=True)
+
+    async def _run(self, work: Callable[[], T]) -> T:
+        try:
+            async with asyncio.timeout(self._timeout_s), self._admission:
+                return await asyncio.get_running_loop().run_in_executor(self._threads, work)
+        except TimeoutError:
+            message = f"model {self._alias!r} gave no answer within {self._timeout_s:g} s"
+            raise ModelTimeout(message, details={"model": self._alias, "timeout_s": self._timeout_s}) from None
+
+    def _count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
+        seen = self._model.count_floors(pixels(ask.picture))
+        return Reply("answered", Floors(seen.count, tuple(seen.rows)))
+
+    def _find_building(self, ask: BuildingAsk) -> Reply[Building]:
+        seen = self._model.building_box(pixels(ask.picture))
+        return Reply("answered", Building(None if seen is None else seen.box))
+
+    def _find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
+        try:
+            seen = self._model.find_object([pixels(view.picture) for view in ask.views], ask.phrase)
+        except OutOfVocabulary as error:
+            return Reply("refused", text=str(error))
+        best_first = sorted(seen, key=lambda sighting: -sighting.confidence)[:MAX_MATCHES]
+        return Reply(
+            "answered",
+            Sightings(
+                tuple(
+                    Match(heading_deg=ask.views[s.view_index].heading_deg, box=s.box, confidence=s.confidence)
+                    for s in best_first
+                )
+            ),
+        )
+
+    def _choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
+        return Reply("answered", Direction(self._model.choose_direction(pixels(ask.picture), ask.points)))
+
+
+def pixels(picture: Picture) -> NDArray[np.uint8]:
+    """(H, W, 3) uint8 RGB. Raises BadQuestion where the file does not hold what its header promises."""
+    bgr = cv2.imdecode(np.frombuffer(picture.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise BadQuestion("the picture's data could not be decoded", code="bad_image")
+    return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)

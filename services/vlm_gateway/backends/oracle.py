@@ -1,0 +1,139 @@
+"""The truth, asked of the simulator: for upper bounds, and for telling faults of flying from faults of seeing.
+
+It looks at no picture; it needs the episode's name. Never cached: the drone moves between two identical questions.
+"""
+
+import math
+from typing import TypeVar
+
+from pydantic import BaseModel
+
+from contracts.geometry import Heading, Point3, Pose
+from contracts.sim import Episode, Truth, TruthQuestion, TruthView
+from contracts.vlm_gateway import MarkedPoint, Match
+from service_kit.client import CallError, Refused, ServiceClient, Unreachable
+from service_kit.errors import BadQuestion
+from services.vlm_gateway.backends.base import (
+    Building,
+    BuildingAsk,
+    Direction,
+    DirectionAsk,
+    Floors,
+    FloorsAsk,
+    Kind,
+    ObjectAsk,
+    Reply,
+    Sightings,
+)
+from services.vlm_gateway.config import OracleModelConfig
+from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
+
+A = TypeVar("A", bound=BaseModel)
+FOV_DEG = 90.0
+FRONT: Heading = 0
+
+
+class OracleBackend:
+    """`config` says when an object counts as seen."""
+
+    kind: Kind = "oracle"
+    cacheable = False
+    model = "oracle"
+
+    def __init__(self, sim: ServiceClient, config: OracleModelConfig) -> None:
+        self._sim = sim
+        self._config = config
+
+    @property
+    def fingerprint(self) -> dict[str, object]:
+        return {}
+
+    async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
+        view = (await self._truth(_named(ask.episode), (FRONT,))).views[0]
+        rows = tuple(min(1.0, max(0.0, row)) for row in view.floor_rows)
+        return Reply("answered", Floors(view.floors_visible, rows))
+
+    async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
+        view = (await self._truth(_named(ask.episode), (FRONT,))).views[0]
+        return Reply("answered", Building(view.building_box))
+
+    async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
+        """The goal object, whatever the phrase: what the customer meant is known here."""
+        headings = tuple(view.heading_deg for view in ask.views)
+        truth = await self._truth(_named(ask.episode), headings)
+        matches = [match for view in truth.views for match in self._seen(view)]
+        return Reply("answered", Sightings(tuple(sorted(matches, key=lambda match: -match.confidence))))
+
+    async def choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
+        """The point from whose safe end the way to the goal is shortest."""
+        episode = _named(ask.episode)
+        pose = (await self._call("GET", f"/v1/episodes/{episode}", Episode)).pose
+        ends = tuple(end_of(point, ask.heading_deg, pose) for point in ask.points)
+        truth = await self._truth(episode, (FRONT,), candidates=ends, size=64)
+        ways = [(way_m, at) for at, way_m in enumerate(truth.remaining_m[: len(ask.points)]) if way_m is not None]
+        if not ways:
+            return Reply("refused", text="no way leads from any of the points to the goal")
+        return Reply("answered", Direction(ask.points[min(ways)[1]].label))
+
+    def status(self) -> dict[str, object]:
+        return {"sim": self._sim.url}
+
+    async def close(self) -> None:
+        await self._sim.close()
+
+    def _seen(self, view: TruthView) -> list[Match]:
+        return [
+            Match(heading_deg=view.heading_deg, box=thing.box, confidence=min(1.0, max(0.0, thing.share)))
+            for thing in view.objects
+            if thing.goal
+            and thing.share >= self._config.min_share
+            and thing.pixels >= self._config.min_pixels
+            and thing.distance_m <= self._config.max_distance_m
+        ]
+
+    async def _truth(
+        self,
+        episode: str,
+        views: tuple[Heading, ...],
+        *,
+        candidates: tuple[Point3, ...] = (),
+        size: int | None = None,
+    ) -> Truth:
+        question = TruthQuestion(views=views, size=size or self._config.size, candidates=candidates)
+        truth = await self._call("POST", f"/v1/episodes/{episode}/truth", Truth, question)
+        if len(truth.views) != len(views) or len(truth.remaining_m) < len(candidates):
+            raise ModelUnreachable("the simulator's truth is incomplete", details={"reason": "contract"})
+        return truth
+
+    async def _call(self, method: str, path: str, answer: type[A], question: TruthQuestion | None = None) -> A:
+        try:
+            return await self._sim.call(method, path, answer, question, timeout_s=self._config.timeout_s)
+        except Refused as error:
+            if error.status == 404:
+                message = f"the simulator has no such episode, or its truth is switched off: {error.reason}"
+                raise BadQuestion(message, code="no_truth") from None
+            raise ModelUnreachable(f"the simulator answers {error.status}: {error.reason}") from None
+        except Unreachable as error:
+            kind = ModelTimeout if "within" in error.message else ModelUnreachable
+            raise kind(f"the oracle's simulator: {error.message}") from None
+        except CallError as error:
+            raise ModelUnreachable(f"the oracle's simulator: {error.message}") from None
+
+
+def end_of(point: MarkedPoint, heading_deg: Heading, pose: Pose) -> Point3:
+    """Where the drone would stand after flying towards `point`: metres, ENU, at its own height.
+
+    The marked column of a pinhole picture with a field of view of 90 degrees lies `atan(2x - 1)` right of the view's
+    axis; yaw runs counter-clockwise, headings clockwise.
+    """
+    right = math.radians(heading_deg) + math.atan((2.0 * point.x - 1.0) * math.tan(math.radians(FOV_DEG / 2)))
+    course = pose.yaw - right
+    return Point3(
+        x=pose.x + point.distance_m * math.cos(course), y=pose.y + point.distance_m * math.sin(course), z=pose.z
+    )
+
+
+def _named(episode: str | None) -> str:
+    if episode is None:
+        raise BadQuestion("the oracle needs 'oracle_episode', the name of the simulator's episode")
+    return episode

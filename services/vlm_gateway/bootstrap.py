@@ -1,0 +1,94 @@
+"""Settings in, a wired app out. The only place that chooses the real parts."""
+
+from functools import partial
+from pathlib import Path
+
+from fastapi import FastAPI
+
+from service_kit.client import ServiceClient
+from service_kit.metrics import HttpMetrics
+from service_kit.settings import Settings
+from services.vlm_gateway.app import build_app
+from services.vlm_gateway.backends.base import Backend
+from services.vlm_gateway.backends.chat import ChatBackend
+from services.vlm_gateway.backends.oracle import OracleBackend
+from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
+from services.vlm_gateway.cache.guard import GuardedCache
+from services.vlm_gateway.cache.port import Cache
+from services.vlm_gateway.chat.upstream import Upstream
+from services.vlm_gateway.config import (
+    ChatModelConfig,
+    EmbeddedModelConfig,
+    ModelConfig,
+    OracleModelConfig,
+    api_key,
+    chat_model,
+    load_config,
+)
+from services.vlm_gateway.gateway import Gateway
+from services.vlm_gateway.metrics import GatewayMetrics
+
+DEFAULT_PORT = 8102
+DEFAULT_CACHE_PATH = "~/.cache/logisticsvln/answers.sqlite"
+MEBIBYTE = 1024 * 1024
+
+
+def build(settings: Settings) -> FastAPI:
+    """Raises BadSetting, naming what is wrong and what would be right."""
+    path = settings.text("GATEWAY_CONFIG")
+    sim_url = settings.text("ORACLE_SIM_URL")
+    config = load_config(Path(path) if path else None, oracle_allowed=sim_url is not None)
+    where = path or "GATEWAY_CONFIG"
+    http = HttpMetrics()
+    figures = GatewayMetrics(http.registry)
+    backends = {
+        alias: _backend(alias, model, settings, where, figures, sim_url) for alias, model in config.models.items()
+    }
+    gateway = Gateway(backends, config.roles, _guarded_cache(settings, figures), figures)
+    return build_app(gateway, http, token=settings.text("GATEWAY_TOKEN"))
+
+
+def _backend(
+    alias: str, model: ModelConfig, settings: Settings, where: str, figures: GatewayMetrics, sim_url: str | None
+) -> Backend:
+    if isinstance(model, ChatModelConfig):
+        retried = partial(figures.retried, alias)
+        chat = chat_model(alias, model, where)
+        return ChatBackend(chat, Upstream(chat, api_key(alias, model, settings, where), retried))
+    if isinstance(model, EmbeddedModelConfig):
+        return _embedded(alias, model)
+    if isinstance(model, OracleModelConfig):
+        sim = ServiceClient("sim", sim_url or "", token=settings.text("ORACLE_SIM_TOKEN"))
+        return OracleBackend(sim, model)
+    return ScriptedBackend(load_script(Path(model.script)), name=alias, repeat=model.repeat)
+
+
+def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
+    # imported where it is needed: its tables take time and memory that a gateway without it should not spend
+    from services.vlm_gateway.backends.embedded import EmbeddedBackend
+    from services.vlm_gateway.embedded import EmbeddedModel
+
+    return EmbeddedBackend(
+        EmbeddedModel(), alias=alias, concurrency=model.concurrency, queue=model.queue, timeout_s=model.timeout_s
+    )
+
+
+def _guarded_cache(settings: Settings, figures: GatewayMetrics) -> GuardedCache | None:
+    mode = settings.choice("CACHE_MODE", "on", ("on", "off", "replay"))
+    if mode == "off":
+        return None
+    cache = _cache(settings)
+    return GuardedCache(cache, "replay" if mode == "replay" else "on", figures.cache_failed)
+
+
+def _cache(settings: Settings) -> Cache:
+    ttl_s = settings.number("CACHE_TTL_S", 30 * 86_400.0, 0.0, 10 * 365 * 86_400.0)
+    url = settings.text("REDIS_URL")
+    if url:
+        from services.vlm_gateway.cache.redis import RedisCache
+
+        return RedisCache(url, ttl_s=ttl_s, timeout_s=settings.number("CACHE_TIMEOUT_S", 0.05, 0.001, 10.0))
+    from services.vlm_gateway.cache.sqlite import SqliteCache
+
+    path = Path(settings.text("CACHE_PATH", DEFAULT_CACHE_PATH) or DEFAULT_CACHE_PATH).expanduser()
+    return SqliteCache(path, ttl_s=ttl_s, max_bytes=settings.integer("CACHE_MAX_MB", 256, 1, 1024 * 1024) * MEBIBYTE)

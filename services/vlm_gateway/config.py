@@ -1,0 +1,242 @@
+"""The gateway's TOML file: which models there are and which of them plays which role.
+
+```toml
+[models.qwen]                       # an alias of your choice
+backend = "chat"                    # chat | embedded | oracle | scripted
+preset = "qwen2.5-vl"               # how the model wants to be asked: presets/families.toml
+server = "vllm"                     # what the server understands: presets/servers.toml
+base_url = "http://127.0.0.1:8000/v1"
+model = "Qwen/Qwen2.5-VL-7B-Instruct"
+
+[roles]
+floors = "qwen"                     # parser | floors | recognition | choice
+```
+"""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from urllib.parse import urlsplit
+
+from pydantic import Field, ValidationError
+
+from contracts.base import Name, Wire
+from contracts.vlm_gateway import Role
+from service_kit.settings import BadSetting, Settings
+from services.vlm_gateway.presets import Family, Server, Structured, families, servers
+
+ROLES: tuple[Role, ...] = ("parser", "floors", "recognition", "choice")
+
+
+class _Limits(Wire):
+    """What every model may set: `timeout_s` is for a whole question; at most `queue` questions wait for one of
+    `concurrency` places."""
+
+    timeout_s: float = Field(default=60.0, ge=0.05, le=3600.0)
+    concurrency: int = Field(default=4, ge=1, le=1024)
+    queue: int = Field(default=64, ge=0, le=100_000)
+
+
+class EmbeddedModelConfig(_Limits):
+    backend: Literal["embedded"]
+    concurrency: int = Field(default=1, ge=1, le=64)
+
+
+class ScriptedModelConfig(_Limits):
+    """`script` is a JSON file with a list of answers per question; see backends/scripted.py."""
+
+    backend: Literal["scripted"]
+    script: str = Field(min_length=1)
+    repeat: bool = False
+
+
+class OracleModelConfig(_Limits):
+    """An object counts as seen when at least `min_share` of its outline and `min_pixels` pixels of a picture of
+    `size` x `size` show it, no farther away than `max_distance_m`."""
+
+    backend: Literal["oracle"]
+    timeout_s: float = Field(default=30.0, ge=0.05, le=3600.0)
+    min_share: float = Field(default=0.4, ge=0.0, le=1.0)
+    min_pixels: int = Field(default=80, ge=1, le=1_000_000)
+    max_distance_m: float = Field(default=25.0, gt=0.0, le=1000.0)
+    size: int = Field(default=800, ge=64, le=1600)
+
+
+class ChatModelConfig(_Limits):
+    """One model of an OpenAI-compatible server. What is not given is taken from the preset (`max_images`,
+    `min_pixels`, `max_pixels`, `temperature`, `max_tokens`) or the server (`structured`). `revision` tells answers of
+    differently quantised or re-trained models apart in the cache. `extra` is sent with every request as it is."""
+
+    backend: Literal["chat"]
+    base_url: str = ""
+    model: str = Field(min_length=1, max_length=200)
+    preset: str
+    server: str = "openai-compatible"
+    api_key_env: str | None = None
+    api_key_file: str | None = None
+    connect_timeout_s: float = Field(default=3.0, ge=0.05, le=60.0)
+    revision: str = ""
+    structured: Structured | None = None
+    temperature: float | None = Field(default=None, ge=0.0, le=2.0)
+    max_tokens: int | None = Field(default=None, ge=16, le=32_768)
+    max_images: int | None = Field(default=None, ge=1, le=16)
+    min_pixels: int | None = Field(default=None, ge=1)
+    max_pixels: int | None = Field(default=None, ge=1)
+    extra: dict[str, Any] = {}
+
+
+ModelConfig = Annotated[
+    EmbeddedModelConfig | ScriptedModelConfig | OracleModelConfig | ChatModelConfig, Field(discriminator="backend")
+]
+
+
+class _File(Wire):
+    models: dict[Name, ModelConfig] = {}
+    roles: dict[Role, Name] = {}
+
+
+class GatewayConfig(Wire):
+    """`roles` holds an alias of `models` for every role that has one; `parser` has none unless it is given."""
+
+    models: dict[Name, ModelConfig]
+    roles: dict[Role, Name]
+
+
+class ChatModel(Wire):
+    """A chat model with its preset, its server and its own settings put together."""
+
+    alias: Name
+    config: ChatModelConfig
+    family: Family
+    server: Server
+    base_url: str
+
+    @property
+    def structured(self) -> Structured:
+        return self.config.structured or self.server.structured
+
+    @property
+    def temperature(self) -> float:
+        return self.family.temperature if self.config.temperature is None else self.config.temperature
+
+    @property
+    def max_tokens(self) -> int:
+        return self.config.max_tokens or self.family.max_tokens
+
+    @property
+    def max_images(self) -> int:
+        return self.config.max_images or self.family.max_images
+
+    @property
+    def pixel_range(self) -> tuple[int, int]:
+        return self.config.min_pixels or self.family.min_pixels, self.config.max_pixels or self.family.max_pixels
+
+
+def load_config(path: Path | None, *, oracle_allowed: bool) -> GatewayConfig:
+    """The file's models and roles on top of the defaults: `embedded` for every vision role, and `oracle` as a further
+    alias where it is allowed. Raises BadSetting naming file and key."""
+    file = _File() if path is None else _read(path)
+    where = str(path)
+    models: dict[str, ModelConfig] = {"embedded": EmbeddedModelConfig(backend="embedded")}
+    if oracle_allowed:
+        models["oracle"] = OracleModelConfig(backend="oracle")
+    models.update(file.models)
+    for alias, model in models.items():
+        if isinstance(model, OracleModelConfig) and not oracle_allowed:
+            raise BadSetting(
+                f"{where}: models.{alias}: backend 'oracle' asks the simulator for the truth; set ORACLE_SIM_URL to "
+                "switch it on, or take this model out"
+            )
+        if isinstance(model, ChatModelConfig):
+            chat_model(alias, model, where)
+    roles: dict[Role, str] = {"floors": "embedded", "recognition": "embedded", "choice": "embedded"}
+    for role, alias in file.roles.items():
+        if alias not in models:
+            raise BadSetting(f"{where}: roles.{role}: no model {alias!r}; there are {', '.join(sorted(models))}")
+        if role == "parser" and not isinstance(models[alias], ChatModelConfig):
+            raise BadSetting(f"{where}: roles.parser: {alias!r} is no language model; name one with backend 'chat'")
+        roles[role] = alias
+    return GatewayConfig(models=models, roles=roles)
+
+
+def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
+    """Raises BadSetting where preset, server or address are wrong."""
+    key = f"{where}: models.{alias}"
+    family = families().get(config.preset)
+    if family is None:
+        raise BadSetting(f"{key}.preset: no preset {config.preset!r}; there are {', '.join(families())}")
+    server = servers().get(config.server)
+    if server is None:
+        raise BadSetting(f"{key}.server: no server {config.server!r}; there are {', '.join(servers())}")
+    base_url = (config.base_url or server.base_url).rstrip("/")
+    parts = urlsplit(base_url)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise BadSetting(f"{key}.base_url: {base_url!r} is no address; give one such as http://127.0.0.1:8000/v1")
+    if parts.username or parts.password or parts.query:
+        raise BadSetting(f"{key}.base_url: leave credentials out of the address; use api_key_env or api_key_file")
+    if config.api_key_env and config.api_key_file:
+        raise BadSetting(f"{key}: give api_key_env or api_key_file, not both")
+    low, high = config.min_pixels or family.min_pixels, config.max_pixels or family.max_pixels
+    if low > high:
+        raise BadSetting(f"{key}: min_pixels {low} is over max_pixels {high}")
+    reserved = sorted({"model", "messages", "stream", "n"} & set(config.extra))
+    if reserved:
+        raise BadSetting(f"{key}.extra: {', '.join(reserved)} can't be set here; the gateway sets it")
+    return ChatModel(alias=alias, config=config, family=family, server=server, base_url=base_url)
+
+
+def api_key(alias: str, config: ChatModelConfig, settings: Settings, where: str) -> str | None:
+    """The key out of the environment or a file. Raises BadSetting where a named key isn't there."""
+    if config.api_key_env:
+        value = settings.text(config.api_key_env)
+        if not value:
+            raise BadSetting(f"{where}: models.{alias}.api_key_env: {config.api_key_env} is not set")
+        return value
+    if config.api_key_file:
+        try:
+            value = Path(config.api_key_file).expanduser().read_text(encoding="utf-8").strip()
+        except OSError as error:
+            raise BadSetting(f"{where}: models.{alias}.api_key_file: {error.strerror}: {config.api_key_file}") from None
+        if not value:
+            raise BadSetting(f"{where}: models.{alias}.api_key_file: {config.api_key_file} is empty")
+        return value
+    return None
+
+
+def _read(path: Path) -> _File:
+    try:
+        document: Mapping[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise BadSetting(f"GATEWAY_CONFIG={path}: {error.strerror}; name a readable TOML file") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BadSetting(f"{path}: not valid TOML: {error}") from None
+    try:
+        return _File.model_validate(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        kinds = ("embedded", "scripted", "oracle", "chat")
+        place = [str(part) for part in first["loc"]]
+        if len(place) > 2 and place[0] == "models" and place[2] in kinds:
+            del place[2]  # pydantic's name of the variant, which is no key of the file
+        message = str(first["msg"])
+        if first["type"] == "extra_forbidden":
+            message = f"no such key; there are {', '.join(_keys_beside(document, place))}"
+        elif first["type"] in ("union_tag_not_found", "union_tag_invalid"):
+            message = f"backend must be one of {', '.join(kinds)}"
+        elif first["type"] == "literal_error" and place[0] == "roles":
+            message = f"no such role; there are {', '.join(ROLES)}"
+        raise BadSetting(f"{path}: {'.'.join(place)}: {message}") from None
+
+
+def _keys_beside(document: Mapping[str, Any], place: list[str]) -> list[str]:
+    """The keys that are allowed where `place` is not."""
+    if len(place) < 3:
+        return list(_File.model_fields)
+    variants: dict[str, type[Wire]] = {
+        "embedded": EmbeddedModelConfig,
+        "scripted": ScriptedModelConfig,
+        "oracle": OracleModelConfig,
+        "chat": ChatModelConfig,
+    }
+    return list(variants[document["models"][place[1]]["backend"]].model_fields)

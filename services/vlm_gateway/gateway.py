@@ -1,0 +1,138 @@
+"""What a typed question goes through: who answers, is it known already, is it being asked, ask, keep, tell."""
+
+import time
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from pydantic import ValidationError
+
+from contracts.vlm_gateway import Answer, CacheResult, Question, Role
+from service_kit.errors import BadQuestion, ServiceError
+from services.vlm_gateway.backends.base import Backend, shortened
+from services.vlm_gateway.cache.guard import GuardedCache
+from services.vlm_gateway.cache.keys import answer_key
+from services.vlm_gateway.cache.port import CacheDown
+from services.vlm_gateway.errors import CacheUnavailable, NotRecorded
+from services.vlm_gateway.flights import Flights
+from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.questions import KINDS, Kind, Prepared
+
+
+class Found(NamedTuple):
+    answer: Answer
+    recorded: bool
+
+
+class Gateway:
+    """`backends` by alias; `roles` names the alias that answers where a question names none; without `cache` every
+    question is asked anew."""
+
+    def __init__(
+        self,
+        backends: Mapping[str, Backend],
+        roles: Mapping[Role, str],
+        cache: GuardedCache | None,
+        metrics: GatewayMetrics,
+    ) -> None:
+        self.backends = backends
+        self.roles = roles
+        self.cache = cache
+        self.metrics = metrics
+        self._flights: Flights[Found] = Flights()
+
+    async def answer(self, question: Question) -> Answer:
+        """The model's answer, or the recorded one. Raises BadQuestion, or the errors of `services.vlm_gateway.errors`
+        where no answer came at all."""
+        kind = KINDS[type(question)]
+        alias = self.alias(question.model, kind.role)
+        backend = self.backends[alias]
+        cache = self.cache if backend.cacheable else None
+        started = time.perf_counter()
+        try:
+            prepared = kind.prepare(question)
+            if cache is None:
+                answer, result = await self._ask(kind, alias, backend, prepared), "off"
+            else:
+                answer, result = await self._recorded_or_asked(kind, alias, backend, prepared, cache)
+        except ServiceError as error:
+            state = "off" if cache is None else "miss"
+            self.metrics.called(kind.role, backend.kind, alias, error.code, state, time.perf_counter() - started)
+            raise
+        took_s = time.perf_counter() - started
+        self.metrics.called(kind.role, backend.kind, alias, answer.outcome, result, took_s)
+        changes: dict[str, object] = {"cache": result, "latency_s": round(took_s, 6)}
+        if result == "hit":
+            changes["attempts"] = 0
+        return answer.model_copy(update=changes)
+
+    def alias(self, named: str | None, role: Role) -> str:
+        """The alias that answers. Raises BadQuestion, naming the aliases there are."""
+        alias = named or self.roles.get(role)
+        if alias is None or alias not in self.backends:
+            known = ", ".join(sorted(self.backends))
+            what = f"no model {named!r}" if named else f"no model is configured for the role {role!r}"
+            raise BadQuestion(
+                f"{what}; there are {known}", code="unknown_model", details={"models": sorted(self.backends)}
+            )
+        return alias
+
+    async def _recorded_or_asked(
+        self, kind: Kind, alias: str, backend: Backend, prepared: Prepared, cache: GuardedCache
+    ) -> tuple[Answer, CacheResult]:
+        parts: dict[str, object] = {
+            "question": kind.path,
+            "backend": backend.kind,
+            "model": backend.model,
+            "settings": backend.fingerprint,
+            "words": prepared.words,
+        }
+        key = answer_key(parts, [picture.jpeg for picture in prepared.pictures])
+
+        async def look_up_or_ask() -> Found:
+            # the look-up is part of the flight: whoever comes between it and the model's answer joins, and none is
+            # asked twice
+            if (known := await self._look_up(kind, key, cache)) is not None:
+                return Found(known, True)
+            if cache.mode == "replay":
+                raise NotRecorded(
+                    f"this {kind.path} question to model {alias!r} is not in the recording at {cache.place}; "
+                    "record it with CACHE_MODE=on",
+                    details={"key": key},
+                )
+            answer = await self._ask(kind, alias, backend, prepared)
+            if answer.outcome == "answered":
+                # a refusal or a slip of form may not come again, and one that were kept would fail every later run
+                cache.put(key, answer.model_dump_json().encode())
+            return Found(answer, False)
+
+        landed = await self._flights.share(key, look_up_or_ask)
+        return landed.value.answer, "hit" if landed.value.recorded or landed.shared else "miss"
+
+    async def _look_up(self, kind: Kind, key: str, cache: GuardedCache) -> Answer | None:
+        try:
+            stored = await cache.get(key)
+        except CacheDown as error:
+            raise CacheUnavailable(f"the recording can't be read: {error}") from None
+        if stored is None:
+            return None
+        try:
+            return kind.answer.model_validate_json(stored)
+        except ValidationError:
+            self.metrics.cache_failed("get", "unreadable")
+            return None
+
+    async def _ask(self, kind: Kind, alias: str, backend: Backend, prepared: Prepared) -> Answer:
+        reply = await prepared.ask(backend)
+        self.metrics.spent(alias, reply.tokens)
+        return kind.answer.model_validate(
+            {
+                "outcome": reply.outcome,
+                "role": kind.role,
+                "backend": backend.kind,
+                "model": backend.model,
+                "attempts": reply.attempts,
+                "tokens": reply.tokens,
+                "text": shortened(reply.text),
+                **kind.fields(reply.content),
+            }
+        )

@@ -1,0 +1,112 @@
+"""The four typed questions: what each asks of a back end and how its reply becomes an answer."""
+
+from collections.abc import Awaitable, Callable
+from typing import Any, NamedTuple
+
+from contracts.vlm_gateway import (
+    Answer,
+    BuildingBoxAnswer,
+    BuildingBoxQuestion,
+    ChooseDirectionAnswer,
+    ChooseDirectionQuestion,
+    FindObjectAnswer,
+    FindObjectQuestion,
+    FloorCountAnswer,
+    FloorCountQuestion,
+    Question,
+    Role,
+)
+from service_kit.errors import BadQuestion
+from services.vlm_gateway.backends.base import (
+    AskedView,
+    Backend,
+    Building,
+    BuildingAsk,
+    Direction,
+    DirectionAsk,
+    Floors,
+    FloorsAsk,
+    ObjectAsk,
+    Picture,
+    Reply,
+    Sightings,
+)
+from services.vlm_gateway.pictures import picture_of
+
+
+class Prepared(NamedTuple):
+    """A question with its pictures checked: `words` and `pictures` are all of it that an answer may depend on."""
+
+    words: dict[str, object]
+    pictures: tuple[Picture, ...]
+    ask: Callable[[Backend], Awaitable[Reply[Any]]]
+
+
+class Kind(NamedTuple):
+    """One of the four questions. `fields` are the content of an answered reply in the answer's words."""
+
+    path: str
+    role: Role
+    answer: type[Answer]
+    prepare: Callable[[Any], Prepared]
+    fields: Callable[[Any], dict[str, object]]
+
+
+def _floors(question: FloorCountQuestion) -> Prepared:
+    picture = picture_of(question.image)
+    ask = FloorsAsk(picture, question.oracle_episode)
+    return Prepared({}, (picture,), lambda backend: backend.count_floors(ask))
+
+
+def _building(question: BuildingBoxQuestion) -> Prepared:
+    picture = picture_of(question.image)
+    ask = BuildingAsk(picture, question.oracle_episode)
+    return Prepared({}, (picture,), lambda backend: backend.find_building(ask))
+
+
+def _object(question: FindObjectQuestion) -> Prepared:
+    headings = [view.heading_deg for view in question.views]
+    if len(set(headings)) != len(headings):
+        raise BadQuestion("views: each heading may be given once")
+    views = tuple(AskedView(view.heading_deg, picture_of(view.image)) for view in question.views)
+    ask = ObjectAsk(question.object, views, question.oracle_episode)
+    words: dict[str, object] = {"object": question.object, "headings": headings}
+    return Prepared(words, tuple(view.picture for view in views), lambda backend: backend.find_object(ask))
+
+
+def _direction(question: ChooseDirectionQuestion) -> Prepared:
+    labels = [point.label for point in question.points]
+    if len(set(labels)) != len(labels):
+        raise BadQuestion("points: each label may be given once")
+    picture = picture_of(question.image)
+    ask = DirectionAsk(question.heading_deg, picture, question.points, question.task, question.oracle_episode)
+    words: dict[str, object] = {
+        "heading_deg": question.heading_deg,
+        "points": [point.model_dump() for point in question.points],
+        "task": question.task,
+    }
+    return Prepared(words, (picture,), lambda backend: backend.choose_direction(ask))
+
+
+def _floors_fields(content: Floors | None) -> dict[str, object]:
+    return {} if content is None else {"floors": content.count, "rows": content.rows}
+
+
+def _building_fields(content: Building | None) -> dict[str, object]:
+    return {} if content is None else {"box": content.box}
+
+
+def _object_fields(content: Sightings | None) -> dict[str, object]:
+    return {} if content is None else {"found": bool(content.matches), "matches": content.matches}
+
+
+def _direction_fields(content: Direction | None) -> dict[str, object]:
+    return {} if content is None else {"label": content.label}
+
+
+KINDS: dict[type[Question], Kind] = {
+    FloorCountQuestion: Kind("floor-count", "floors", FloorCountAnswer, _floors, _floors_fields),
+    BuildingBoxQuestion: Kind("building-box", "floors", BuildingBoxAnswer, _building, _building_fields),
+    FindObjectQuestion: Kind("find-object", "recognition", FindObjectAnswer, _object, _object_fields),
+    ChooseDirectionQuestion: Kind("choose-direction", "choice", ChooseDirectionAnswer, _direction, _direction_fields),
+}
