@@ -11,26 +11,85 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.numbers import number_word, ordinal_suffix, ordinal_word
 
-OBJECTS = (
-    "green flower pot, red watering can, blue umbrella, poster of a cat, cat poster, yellow rubber duck, teddy bear, "
-    "wind chime, white garden gnome, wooden chair, bunch of bananas, stack of books, orange traffic cone, "
-    "rocking horse, pair of red boots, blue and white vase, paper lantern, string of fairy lights, purple bicycle, "
-    "inflatable flamingo, toolbox, silver kettle, pirate flag, hand saw, potted cactus, birdcage, striped beach towel, "
-    "stone lion statue, hanging basket of ferns, black cat figurine, watermelon, star-shaped balloon, copper teapot, "
-    "pink piggy bank, wicker basket, map of the world, skateboard, brass telescope, toy fire truck, framed painting, "
-    "snow globe, green dinosaur plush, wooden ladder, red and yellow kite, jar of pickles, spinning pinwheel, "
-    "leopard print cushion, golden trophy, grey elephant figurine, ceramic owl, Christmas wreath, bicycle wheel"
-).split(", ")
+OBJECTS = [
+    "green flower pot",
+    "red watering can",
+    "blue umbrella",
+    "poster of a cat",
+    "cat poster",
+    "yellow rubber duck",
+    "teddy bear",
+    "wind chime",
+    "white garden gnome",
+    "wooden chair",
+    "bunch of bananas",
+    "stack of books",
+    "orange traffic cone",
+    "rocking horse",
+    "pair of red boots",
+    "blue and white vase",
+    "paper lantern",
+    "string of fairy lights",
+    "purple bicycle",
+    "inflatable flamingo",
+    "toolbox",
+    "silver kettle",
+    "pirate flag",
+    "hand saw",
+    "potted cactus",
+    "birdcage",
+    "striped beach towel",
+    "stone lion statue",
+    "hanging basket of ferns",
+    "black cat figurine",
+    "watermelon",
+    "star-shaped balloon",
+    "copper teapot",
+    "pink piggy bank",
+    "wicker basket",
+    "map of the world",
+    "skateboard",
+    "brass telescope",
+    "toy fire truck",
+    "framed painting",
+    "snow globe",
+    "green dinosaur plush",
+    "wooden ladder",
+    "red and yellow kite",
+    "jar of pickles",
+    "spinning pinwheel",
+    "leopard print cushion",
+    "golden trophy",
+    "grey elephant figurine",
+    "ceramic owl",
+    "Christmas wreath",
+    "bicycle wheel",
+]
 """What marks windows in the fills: many heads and shapes of phrase, most of them in no list of the grammar."""
 
-PARCELS = (
-    "groceries, medicine, book, pizza, birthday cake, headphones, parcel, package, laptop charger, running shoes, coffee "
-    "beans, prescription, tool kit, dog food, box of chocolates, printer paper"
-).split(", ")
+PARCELS = [
+    "groceries",
+    "medicine",
+    "book",
+    "pizza",
+    "birthday cake",
+    "headphones",
+    "parcel",
+    "package",
+    "laptop charger",
+    "running shoes",
+    "coffee beans",
+    "prescription",
+    "tool kit",
+    "dog food",
+    "box of chocolates",
+    "printer paper",
+]
 
-_PLURALS = frozenset("groceries medicine headphones running_shoes coffee_beans dog_food printer_paper".split())
+_PLURALS = words("groceries medicine headphones running_shoes coffee_beans dog_food printer_paper")
 TOP_FLOOR = 30
 
 
@@ -95,7 +154,7 @@ def fill_template(name: str, style: str, template: str, chance: random.Random) -
 
 
 def with_article(noun_phrase: str) -> str:
-    """"a" or "an" in front, by the first letter."""
+    """ "a" or "an" in front, by the first letter."""
     return f"{'an' if noun_phrase[0].lower() in 'aeiou' else 'a'} {noun_phrase}"
 
 

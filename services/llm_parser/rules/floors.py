@@ -4,21 +4,22 @@ from dataclasses import dataclass, replace
 
 from services.llm_parser.rules import lexicon as lex
 from services.llm_parser.rules import scope
+from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.tokens import Kind, Token
 
 HIGHEST = 200
-_BUILDINGS = frozenset(
-    "building tower block house high-rise highrise skyscraper apartment tenement complex hotel residence monster giant "
-    "beast condo".split()
+_BUILDINGS = words(
+    "building tower block house high-rise highrise skyscraper apartment tenement complex hotel residence monster "
+    "giant beast condo"
 )
-_LINKS = frozenset("number no nr num is : = - the called marked # uh it was ( says my".split())
-_NO_FLOOR_BEFORE = frozenset(
-    "apt apartment ap flat unit suite room house code gate order telephone phone ext extension invoice door parcels at "
-    "age aged of past half about around for gate pin bus route lane line item items".split()
+_LINKS = words("number no nr num is : = - the called marked # uh it was ( says my")
+_NO_FLOOR_BEFORE = words(
+    "apt apartment ap flat unit suite room house code gate order telephone phone ext extension invoice door parcels "
+    "at age aged of past half about around for pin bus route lane line item items"
 )
-_UP = frozenset("above over higher up".split())
-_DOWN = frozenset("below under beneath underneath lower down".split())
-_DISPLAYS = frozenset("says say reads shows display written press push button marked labelled labeled saying".split())
+_UP = words("above over higher up")
+_DOWN = words("below under beneath underneath lower down")
+_DISPLAYS = words("says say reads shows display written press push button marked labelled labeled saying")
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +168,13 @@ class _Finder:
             return 2.5
         if before in ("number", "no", "nr") and second not in _NO_FLOOR_BEFORE:
             return 2.5 if before == "number" else 2.0
-        lift = {t.norm for t in self._tokens[max(0, at - 9) : at + 8]} & {"lift", "elevator", "button", "floor", "level"}
+        lift = {t.norm for t in self._tokens[max(0, at - 9) : at + 8]} & {
+            "lift",
+            "elevator",
+            "button",
+            "floor",
+            "level",
+        }
         if before in _DISPLAYS or (before in (":", "is") and second in _DISPLAYS):
             return 3.0 if lift else 1.5
         if before in ("is", "am", "to") and lift and second in ("it", "that", "this", "floor", "go", "i", "come"):
@@ -238,7 +245,11 @@ class _Finder:
         if self._norm(at) == "penthouse" or self._norm(at + 1) in lex.FLOOR_NOUNS:
             self._tops.append(at)
             return 2
-        if self._norm(at) == "top" and self._norm(at - 1) == "the" and self._norm(at + 1) not in ("of", "left", "right"):
+        if (
+            self._norm(at) == "top"
+            and self._norm(at - 1) == "the"
+            and self._norm(at + 1) not in ("of", "left", "right")
+        ):
             rel = {self._norm(at - 2), self._norm(at - 3)}
             if rel & (_DOWN | {"from"}) or self._norm(at - 2) in ("at", "to"):
                 self._tops.append(at)
@@ -258,7 +269,7 @@ class _Finder:
         return "from" in ahead or "than" in ahead
 
     def _relatives(self) -> None:
-        """"two floors above the fourth", "the floor below the ninth", "one below the top", "one floor higher"."""
+        """ "two floors above the fourth", "the floor below the ninth", "one below the top", "one floor higher"."""
         self._found.sort(key=lambda m: m.first)
         made: list[FloorMention] = []
         gone: set[int] = set()
@@ -309,14 +320,16 @@ class _Finder:
         return None
 
     def _relative_to_previous(self) -> None:
-        """"... but we are one floor higher": relative to the floor named just before."""
+        """ "... but we are one floor higher": relative to the floor named just before."""
         for at in range(self._size - 2):
             token = self._tokens[at]
             if token.kind is not Kind.CARDINAL or at in {i for m in self._found for i in range(m.first, m.last)}:
                 continue
             noun = self._norm(at + 1) in lex.FLOOR_NOUNS
             word = self._norm(at + 1 + noun)
-            if word in ("higher", "lower") or (noun and word in ("above", "below") and self._norm(at + 3) in ("that", "it")):
+            if word in ("higher", "lower") or (
+                noun and word in ("above", "below") and self._norm(at + 3) in ("that", "it")
+            ):
                 previous = [m for m in self._found if m.last <= at]
                 if previous:
                     base = previous[-1]
@@ -340,7 +353,20 @@ class _Finder:
         if scope.past(self._tokens, mention.first, floor_before):
             score -= 6.0
         back = [t.norm for t in self._tokens[max(floor_before, mention.first - 8) : mention.first]]
-        if set(back) & {"deliver", "bring", "send", "come", "go", "fly", "take", "drop", "leave", "route", "now", "live"}:
+        if set(back) & {
+            "deliver",
+            "bring",
+            "send",
+            "come",
+            "go",
+            "fly",
+            "take",
+            "drop",
+            "leave",
+            "route",
+            "now",
+            "live",
+        }:
             score += 1.5
         if "press" in back or "habit" in back:
             score -= 3.0
@@ -360,7 +386,12 @@ class _Finder:
         if any(f" {c} " in text for c in lex.CORRECTIONS):
             return True
         tail = text.split()
-        return any(
-            w == "no" and (k + 1 == len(tail) or tail[k + 1] in ("the", "it", "on", "that", "is", "floor", "level", "not"))
-            for k, w in enumerate(tail)
-        ) or "sorry" in tail[-4:] or "wait" in tail[-4:]
+        return (
+            any(
+                w == "no"
+                and (k + 1 == len(tail) or tail[k + 1] in ("the", "it", "on", "that", "is", "floor", "level", "not"))
+                for k, w in enumerate(tail)
+            )
+            or "sorry" in tail[-4:]
+            or "wait" in tail[-4:]
+        )

@@ -4,30 +4,35 @@ from dataclasses import dataclass
 
 from services.llm_parser.rules import lexicon as lex
 from services.llm_parser.rules import scope
+from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.phrases import Phrase
 from services.llm_parser.rules.tokens import Kind, Token
 
 THRESHOLD = 1.0
 """A phrase for which less speaks than this is not taken: a missing object is said, not guessed."""
 
-_LOOK = frozenset(
-    "look looking see spot find search searching recognise recognize identify notice identifiable identified marked marks "
-    "marker mark landmark reference watch seek spotting finding lookout recognisable recognizable marking flagged "
-    "distinguished beacon sign spots clue hint cue seeing locate locating follow visual identifier id indicator".split()
+_LOOK = words(
+    "look looking see spot find search searching recognise recognize identify notice identifiable identified marked "
+    "marks marker mark landmark reference watch seek spotting finding lookout recognisable recognizable marking "
+    "flagged distinguished beacon sign spots clue hint cue seeing locate locating follow visual identifier id "
+    "indicator"
 )
-_STAND = frozenset("is are hangs stands sits hang stand sit lies hanging standing sitting lives".split())
-_NEAR = frozenset(
-    "near beside by behind under underneath below above opposite adjacent alongside next close besides against facing".split()
+_STAND = words("is are hangs stands sits hang stand sit lies hanging standing sitting lives")
+_NEAR = words(
+    "near beside by behind under underneath below above opposite adjacent alongside next close besides against facing"
 )
-_DELIVER = frozenset(
-    "deliver bring send leave drop put take hand carry fly get need want ordered order expecting sending bringing expect "
-    "leaving dropping delivering place set await awaiting handing requested give buy bought receive want brought wants "
-    "purchased dispatched dispatch transport shipment order lower pick collect return ship pass waiting lost missing".split()
+_DELIVER = words(
+    "deliver bring send leave drop put take hand carry fly get need want ordered order expecting sending bringing "
+    "expect leaving dropping delivering place set await awaiting handing requested give buy bought receive brought "
+    "wants purchased dispatched dispatch transport shipment lower pick collect return ship pass waiting lost "
+    "missing"
 )
-_PUT_OUT = frozenset("put placed place hung set stuck tied left keep kept have got had installed mounted taped parked propped".split())
-_SELF = frozenset("i we".split())
-_AT = frozenset("at by on in outside near beside behind next inside from below under above against across".split())
-_HAVE = frozenset("has have having got with 's shows displays features sports bears carries boasts showing holds wearing".split())
+_PUT_OUT = words(
+    "put placed place hung set stuck tied left keep kept have got had installed mounted taped parked propped"
+)
+_SELF = words("i we")
+_AT = words("at by on in outside near beside behind next inside from below under above against across")
+_HAVE = words("has have having got with 's shows displays features sports bears carries boasts showing holds wearing")
 _PLACES = lex.ANCHORS | lex.DWELLINGS
 
 
@@ -68,12 +73,21 @@ def _in_one_other(tokens: list[Token], phrase: Phrase) -> bool:
 
 
 def _mine_is_the(tokens: list[Token]) -> int | None:
-    """"Mine is the second one": which of the marks in order, from 0, or -1 for the last."""
+    """ "Mine is the second one": which of the marks in order, from 0, or -1 for the last."""
     for at, token in enumerate(tokens[:-2]):
-        if token.norm in ("mine", "ours") or (token.norm in ("window", "flat") and tokens[at - 1].norm in ("my", "our")):
+        if token.norm in ("mine", "ours") or (
+            token.norm in ("window", "flat") and tokens[at - 1].norm in ("my", "our")
+        ):
             words = [t.norm for t in tokens[at + 1 : at + 6]]
             if words[:1] == ["is"] or words[:1] == ["'s"]:
-                for word, index in (("first", 0), ("former", 0), ("second", 1), ("latter", 1), ("third", 2), ("last", -1)):
+                for word, index in (
+                    ("first", 0),
+                    ("former", 0),
+                    ("second", 1),
+                    ("latter", 1),
+                    ("third", 2),
+                    ("last", -1),
+                ):
                     if word in words[1:3] and "floor" not in words:
                         return index
     return None
@@ -165,13 +179,15 @@ def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 3.0
     elif first in _STAND and second in ("mine", "ours"):
         score += 4.0
-    elif first in ("hangs", "stands", "sits", "hanging", "standing", "sitting", "hang", "stand"):
-        score += 3.0
-    elif first == "is" and set(back[1:3]) & (_LOOK | lex.ANCHORS):
+    elif first in ("hangs", "stands", "sits", "hanging", "standing", "sitting", "hang", "stand") or (
+        first == "is" and set(back[1:3]) & (_LOOK | lex.ANCHORS)
+    ):
         score += 3.0
     elif first in ("is", "be", "are", "'s") and second not in ("there",):
         score -= 1.0 if second in ("it", "that", "this") else 1.5
-    if first in _NEAR or (first in ("to", "of", "from") and second in ("next", "close", "adjacent", "front", "left", "right", "side")):
+    if first in _NEAR or (
+        first in ("to", "of", "from") and second in ("next", "close", "adjacent", "front", "left", "right", "side")
+    ):
         score += 3.0
         if set(back[1:6]) & lex.ANCHORS:
             score += 1.0
@@ -198,11 +214,31 @@ def _delivered(back: list[str]) -> bool:
             return True
         if word in ("for", "on") and depth == 0 and len(back) > 1 and back[1] in ("waiting", "wait"):
             return True
-        if word in ("of", "with") and depth == 0 and len(back) > 1 and back[1] in ("shipment", "care", "delivery", "careful"):
+        if (
+            word in ("of", "with")
+            and depth == 0
+            and len(back) > 1
+            and back[1] in ("shipment", "care", "delivery", "careful")
+        ):
             return True
         if word == "with" and depth == 0 and set(back[1:4]) & {"careful", "gentle", "care"}:
             return True
-        if word not in ("me", "us", "up", "off", "over", "to", "for", "please", "just", "you", "kindly", "out", "the", "my"):
+        if word not in (
+            "me",
+            "us",
+            "up",
+            "off",
+            "over",
+            "to",
+            "for",
+            "please",
+            "just",
+            "you",
+            "kindly",
+            "out",
+            "the",
+            "my",
+        ):
             return False
         if word in ("for", "to", "out") and depth == 0:
             return False
@@ -220,7 +256,9 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     first = ahead[0]
     near = set(ahead[:6])
     score = 0.0
-    if first in _AT or (first in ("hanging", "standing", "sitting", "right", "displayed", "placed", "just", "there", "leaning")):
+    if first in _AT or (
+        first in ("hanging", "standing", "sitting", "right", "displayed", "placed", "just", "there", "leaning")
+    ):
         if near & lex.ANCHORS:
             score += 3.5
         elif first == "outside":
@@ -233,7 +271,11 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 2.5
     if first == "hanging" or first == "standing":
         score += 1.0
-    if first in ("is", "are") and len(ahead) > 1 and ahead[1] in ("still", "at", "by", "outside", "in", "on", "hanging", "visible", "mine", "my"):
+    if (
+        first in ("is", "are")
+        and len(ahead) > 1
+        and ahead[1] in ("still", "at", "by", "outside", "in", "on", "hanging", "visible", "mine", "my")
+    ):
         score += 2.0
     if first == "is" and len(ahead) > 2 and ahead[1] == "for":
         score -= 3.0

@@ -9,6 +9,7 @@ from collections.abc import Set
 from dataclasses import dataclass
 
 from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.tokens import Kind, Token
 
 
@@ -84,11 +85,13 @@ class _Chunker:
     def _make(self, determiner: str, lead: int, first: int, last: int, head: int) -> Phrase:
         words = tuple(self._tokens[i].raw.lower() if self._tokens[i].raw else self._norm(i) for i in range(first, last))
         words = tuple("'s" if self._norm(i) == "'s" else w for i, w in zip(range(first, last), words, strict=True))
-        words = tuple(w.removesuffix("'s") if i + 1 < len(words) and words[i + 1] == "'s" else w for i, w in enumerate(words))
+        words = tuple(
+            w.removesuffix("'s") if i + 1 < len(words) and words[i + 1] == "'s" else w for i, w in enumerate(words)
+        )
         return Phrase(determiner, lead, first, last, head, words)
 
     def _possessive(self, lead: int, first: int, at: int, determiner: str) -> Phrase | None:
-        """"a child's bicycle" is one thing; "Doris's bicycle" and "my neighbour's bicycle" are somebody's bicycle."""
+        """ "a child's bicycle" is one thing; "Doris's bicycle" and "my neighbour's bicycle" are somebody's bicycle."""
         owner = self._norm(at - 1)
         end = self._run(at + 1, True)
         if end == at + 1:
@@ -205,4 +208,4 @@ class _Chunker:
         return end if end > at else start - 1
 
 
-_BEFORE_CAN = frozenset("tin trash garbage oil petrol soda paint spray beer milk cola rubbish water jerry coke".split())
+_BEFORE_CAN = words("tin trash garbage oil petrol soda paint spray beer milk cola rubbish water jerry coke")

@@ -3,6 +3,7 @@
 from enum import Enum
 
 from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.tokens import Kind, Token
 
 REACH = 25
@@ -14,11 +15,11 @@ class Owner(Enum):
     UNSAID = "unsaid"
 
 
-_HAS = frozenset("has have had got gets 's owns owned keeps put puts lives live lived is are was were with who on in".split())
-_PRONOUN_HAS = frozenset("has have had got owns keeps put puts lives live hung".split())
-_RESET = frozenset("you look find spot drone".split())
-_OTHER_WORDS = frozenset("else else's hers theirs".split())
-_SOMEBODY = frozenset("someone somebody anyone everyone everybody others".split())
+_HAS = words("has have had got gets 's owns owned keeps put puts lives live lived is are was were with who on in")
+_PRONOUN_HAS = words("has have had got owns keeps put puts lives live hung")
+_RESET = words("you look find spot drone")
+_OTHER_WORDS = words("else else's hers theirs")
+_SOMEBODY = words("someone somebody anyone everyone everybody others")
 _PLAIN_HOSTS = lex.NON_OBJECTS | lex.CLOSED
 
 
@@ -50,7 +51,11 @@ def owner_before(tokens: list[Token], at: int, floor: int = 0) -> Owner:
             return Owner.OTHER
         if word == "door" and back and tokens[back - 1].norm == "next":
             return Owner.OTHER
-        if word in ("upstairs", "downstairs") and back and tokens[back - 1].norm not in ("i", "am", "go", "come", "is", "'s"):
+        if (
+            word in ("upstairs", "downstairs")
+            and back
+            and tokens[back - 1].norm not in ("i", "am", "go", "come", "is", "'s")
+        ):
             return Owner.OTHER
         if word in _RESET:
             return Owner.UNSAID
@@ -62,20 +67,21 @@ def owner_before(tokens: list[Token], at: int, floor: int = 0) -> Owner:
     return Owner.UNSAID
 
 
-_AVOID = frozenset(
-    "ignore ignoring disregard avoid avoiding skip beware forget unlike except neither nor never without wrong".split()
+_AVOID = words(
+    "ignore ignoring disregard avoid avoiding skip beware forget unlike except neither nor never without wrong"
 )
-_DONT_VERBS = frozenset(
-    "go come stop deliver leave confuse mistake mix fall follow trust bother fooled fool look ring knock send bring drop "
-    "fly take put land try approach confused mixed want use choose pick mistaken mind give listen distracted tricked".split()
+_DONT_VERBS = words(
+    "go come stop deliver leave confuse mistake mix fall follow trust bother fooled fool look ring knock send bring "
+    "drop fly take put land try approach confused mixed want use choose pick mistaken mind give listen distracted "
+    "tricked"
 )
 _NOT_BRIDGE = (
     lex.ARTICLES
     | lex.ANCHORS
     | lex.FLOOR_NOUNS
-    | frozenset(
-        "to at on in by with near for my our his her their that one from number is it of next beside be the window has "
-        "behind under above".split()
+    | words(
+        "to at on in by with near for my our his her their that one from number is it of next beside be the window "
+        "has behind under above"
     )
 )
 
@@ -121,11 +127,11 @@ def negated(tokens: list[Token], at: int, floor: int = 0) -> bool:
     return False
 
 
-_PAST_WORDS = frozenset(
+_PAST_WORDS = words(
     "was were former formerly previous previously old originally earlier before used once had until lived moved "
-    "relocated last wrote typed put swapped replaced exchanged switched stolen vacated written entered said".split()
+    "relocated last wrote typed put swapped replaced exchanged switched stolen vacated written entered said"
 )
-_NOW_WORDS = frozenset("now currently today nowadays is are am".split())
+_NOW_WORDS = words("now currently today nowadays is are am")
 
 
 def past(tokens: list[Token], at: int, floor: int = 0) -> bool:
@@ -145,7 +151,11 @@ def past(tokens: list[Token], at: int, floor: int = 0) -> bool:
         if word == "last":
             return tokens[back + 1].norm in ("time", "week", "month", "year")
         if word == "before":
-            return back == 0 or tokens[back - 1].kind is not Kind.WORD or tokens[back + 1].norm in ("i", "we", "it", "this")
+            return (
+                back == 0
+                or tokens[back - 1].kind is not Kind.WORD
+                or tokens[back + 1].norm in ("i", "we", "it", "this")
+            )
         if word == "had" and back and tokens[back - 1].norm in lex.MY | {"'s"} and tokens[back - 1].norm == "'s":
             return False
         if word == "used":
@@ -157,7 +167,7 @@ def past(tokens: list[Token], at: int, floor: int = 0) -> bool:
     return False
 
 
-_OLD_PLACES = lex.DWELLINGS | lex.FLOOR_NOUNS | lex.ANCHORS | frozenset("address one floor".split())
+_OLD_PLACES = lex.DWELLINGS | lex.FLOOR_NOUNS | lex.ANCHORS | words("address one floor")
 
 
 def _follows_from(tokens: list[Token], at: int, sentence: int) -> bool:

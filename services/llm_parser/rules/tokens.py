@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from services.llm_parser.rules import spelling
-from services.llm_parser.rules.lexicon import FILLERS, FLOOR_NOUNS
+from services.llm_parser.rules.lexicon import FILLERS, FLOOR_NOUNS, words
 from services.llm_parser.rules.numbers import CARDINALS, ORDINALS, read_number_words
 
 
@@ -63,7 +63,7 @@ _SCAN = re.compile(
 
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "`": "'", "´": "'", "‑": "-", "\u00a0": " "})
 
-_ABBREVIATIONS = frozenset("mr mrs ms dr no nr st flr apt fl lvl attn tel ext sr vs approx".split())
+_ABBREVIATIONS = words("mr mrs ms dr no nr st flr apt fl lvl attn tel ext sr vs approx")
 
 _EXPANSIONS: dict[str, tuple[str, ...]] = {
     "im": ("i", "am"),
@@ -114,9 +114,9 @@ _EXPANSIONS: dict[str, tuple[str, ...]] = {
     "neighboring": ("neighbouring",),
 }
 _SUFFIXES = {"m": "am", "re": "are", "ve": "have", "ll": "will", "d": "would"}
-_IS_HOSTS = frozenset("it that there here he she who what where this one everything mine ours where's name how".split())
-_FOR_AFTER = frozenset("look looking search searching watch wait waiting lookout out".split())
-_TO_AFTER = frozenset("next go come close fly up deliver bring send get head way back lift take".split())
+_IS_HOSTS = words("it that there here he she who what where this one everything mine ours where's name how")
+_FOR_AFTER = words("look looking search searching watch wait waiting lookout out")
+_TO_AFTER = words("next go come close fly up deliver bring send get head way back lift take")
 
 
 def tokenize(text: str) -> list[Token]:
@@ -216,7 +216,9 @@ def _join_number_words(tokens: list[Token]) -> list[Token]:
             last = tokens[at + read.used - 1]
             kind = Kind.ORDINAL if read.ordinal else Kind.CARDINAL
             joined.append(
-                Token(kind, " ".join(words[: read.used]) or symbols[0], token.start, last.end, read.value, token.sentence)
+                Token(
+                    kind, " ".join(words[: read.used]) or symbols[0], token.start, last.end, read.value, token.sentence
+                )
             )
             joined[-1].raw = joined[-1].norm
             at += read.used

@@ -1,0 +1,143 @@
+"""A language model as a parser: asked through the gateway, read with care, asked once more where it can't be read."""
+
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from contracts.llm_parser import Evidence, ParseAnswer
+from service_kit.client import CallError, Garbled, Refused, ServiceClient, TimedOut
+from service_kit.errors import BadQuestion, ServiceError, Unavailable
+from services.llm_parser.chat import prompt
+from services.llm_parser.chat.grounding import object_span
+from services.llm_parser.chat.reading import Read, Refusal, Reply, Unreadable, read_reply
+from services.llm_parser.rules.floors import find_floors
+from services.llm_parser.rules.tokens import tokenize
+
+_ROUTE = "/v1/chat/completions"
+_PASSED_ON = frozenset(("model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"))
+
+
+class _Question(BaseModel):
+    """OpenAI's chat completion, as far as it is used."""
+
+    model: str
+    messages: list[dict[str, str]]
+    temperature: float = 0.0
+    max_tokens: int
+    stream: Literal[False] = False
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    content: str | list[dict[str, Any]] | None = None
+    reasoning_content: str | None = None
+    reasoning: str | None = None
+    refusal: str | None = None
+
+    def text(self) -> str:
+        """The content; a list of parts is joined."""
+        if isinstance(self.content, list):
+            return "".join(str(part.get("text", "")) for part in self.content)
+        return self.content or ""
+
+
+class _Choice(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    message: _Message
+    finish_reason: str | None = None
+
+
+class _Completion(BaseModel):
+    model_config = ConfigDict(extra="ignore")
+    choices: list[_Choice] = Field(min_length=1)
+
+
+class ChatParser:
+    """One alias of the gateway's. `client` may be shared between aliases; whoever made it closes it."""
+
+    def __init__(self, client: ServiceClient, model: str, *, max_tokens: int = 2048) -> None:
+        self._client = client
+        self._model = model
+        self._max_tokens = max_tokens
+
+    async def parse(self, request: str) -> ParseAnswer:
+        """Raises Unavailable (model_unreachable, model_overloaded), ServiceError (model_timeout and the gateway's
+        further errors) and BadQuestion (unknown_model)."""
+        messages = [{"role": "user", "content": prompt.question(request)}]
+        reply = await self._ask(messages)
+        found = read_reply(reply, request)
+        if isinstance(found, Unreadable):
+            shown = reply.content[-4000:] or "(no answer)"
+            messages += [
+                {"role": "assistant", "content": shown},
+                {"role": "user", "content": prompt.repair(found.problem)},
+            ]
+            found = read_reply(await self._ask(messages), request)
+        return self._answer(found, request)
+
+    async def problem(self) -> str | None:
+        return await self._client.ready()
+
+    def _answer(self, found: Read | Refusal | Unreadable, request: str) -> ParseAnswer:
+        if isinstance(found, Refusal):
+            return ParseAnswer(outcome="refused", missing=("floor", "object"), model=self._model)
+        if isinstance(found, Unreadable):
+            return ParseAnswer(outcome="unreadable", missing=("floor", "object"), model=self._model)
+        fields: tuple[tuple[Literal["floor", "object"], object], ...] = (
+            ("floor", found.floor),
+            ("object", found.object),
+        )
+        return ParseAnswer(
+            floor=found.floor,
+            object=found.object,
+            missing=tuple(name for name, value in fields if value is None),
+            evidence=Evidence(floor=_floor_words(found.floor, request), object=_object_words(found.object, request)),
+            model=self._model,
+        )
+
+    async def _ask(self, messages: list[dict[str, str]]) -> Reply:
+        question = _Question(model=self._model, messages=messages, max_tokens=self._max_tokens)
+        try:
+            completion = await self._client.call("POST", _ROUTE, _Completion, question)
+        except CallError as error:
+            raise self._failure(error) from None
+        choice = completion.choices[0]
+        return Reply(
+            content=choice.message.text(),
+            reasoning=choice.message.reasoning_content or choice.message.reasoning or "",
+            refusal=bool(choice.message.refusal) or choice.finish_reason == "content_filter",
+            cut=choice.finish_reason == "length",
+        )
+
+    def _failure(self, error: CallError) -> ServiceError:
+        """What the caller is told: a gateway that can't answer is never an answer."""
+        details = {"model": self._model}
+        if isinstance(error, TimedOut):
+            return ServiceError(str(error), code="model_timeout", status=504, details=details)
+        if isinstance(error, Refused):
+            if error.code in _PASSED_ON:
+                return ServiceError(error.reason, code=error.code, status=error.status, details=details)
+            if error.status in (400, 404, 422) and "model" in f"{error.code} {error.reason}".lower():
+                message = f"the gateway knows no model {self._model!r} that can chat: {error.reason}"
+                return BadQuestion(message, code="unknown_model", details=details)
+            if error.status == 504:
+                return ServiceError(str(error), code="model_timeout", status=504, details=details)
+        what = "answered with no chat completion" if isinstance(error, Garbled) else error.message
+        return Unavailable(f"{error.service}: {what}", code="model_unreachable", details=details)
+
+
+def _object_words(name: str | None, request: str) -> str | None:
+    span = object_span(name, request) if name else None
+    return request[span.start : span.end] if span else None
+
+
+def _floor_words(floor: int | None, request: str) -> str | None:
+    """Where the request says this floor, if the grammar sees it there."""
+    if floor is None:
+        return None
+    tokens = tokenize(request)
+    same = [m for m in find_floors(tokens).mentions if m.floor == floor]
+    if not same:
+        return None
+    mention = max(same, key=lambda m: m.score)
+    return request[tokens[mention.first].start : tokens[mention.last - 1].end]
