@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 INVALID = 0
 NO_RETURN = 65535
-_ROWS_AT_ONCE = 64
+_ROWS_AT_ONCE = 128
 """Rows summed in one go: a block of 800 columns stays in the processor's second cache."""
 
 Policy = Literal["paper", "random", "default"]
@@ -93,10 +93,12 @@ def slice_means(
     limit = min(round(sensor_range_m / metres_per_unit), NO_RETURN)
     sums = np.zeros(width, np.int64)
     valid = np.full(width, height, np.int64)
-    clipped = np.empty((min(_ROWS_AT_ONCE, height), width), np.uint16)
+    # numpy's minimum of two whole arrays is several times faster than that of an array and a number
+    limits = np.full((min(_ROWS_AT_ONCE, height), width), limit, np.uint16)
+    clipped = np.empty_like(limits)
     for start in range(0, height, _ROWS_AT_ONCE):
         block = cropped[start : start + _ROWS_AT_ONCE]
-        low = np.minimum(block, np.uint16(limit), out=clipped[: len(block)])
+        low = np.minimum(block, limits[: len(block)], out=clipped[: len(block)])
         sums += np.add.reduce(low, axis=0, dtype=np.uint32)
         if low.min() == INVALID:
             valid -= np.count_nonzero(low == INVALID, axis=0)
@@ -119,9 +121,22 @@ def score_view(means_m: Sequence[float] | NDArray[np.float64], settings: Setting
     means = np.asarray(means_m, np.float64)
     if settings.direction == "counterclockwise":
         means = means[::-1]
-    splits = tuple(_split(means, j, settings, d_max_m) for j in range(1, len(means)))
-    valid = [split for split in splits if split.valid]
-    return ViewScore(splits, min(valid, key=lambda s: (s.variance_m2, -s.j)) if valid else None)
+    known = ~np.isnan(means)
+    means = np.where(known, means, 0.0)
+    n = len(means)
+    left = np.tri(n - 1, n, dtype=bool) & known  # row j - 1: the slices before the split
+    right = ~np.tri(n - 1, n, dtype=bool) & known
+    filled = left.any(axis=1) & right.any(axis=1)
+    left_mean, left_spread = _mean_and_spread(means, left)
+    right_mean, right_spread = _mean_and_spread(means, right)
+    difference = np.where(filled, left_mean - right_mean, 0.0)
+    variance = np.where(filled, left_spread + right_spread, 0.0)
+    over = (right & (means > d_max_m)).sum(axis=1)
+    valid = filled & (difference >= settings.delta_m) & (over <= settings.max_over)
+    columns = (difference.tolist(), variance.tolist(), over.tolist(), valid.tolist())
+    splits = tuple(Split(j, *facts) for j, facts in enumerate(zip(*columns, strict=True), start=1))
+    best = min((s for s in splits if s.valid), key=lambda s: (s.variance_m2, -s.j), default=None)
+    return ViewScore(splits, best)
 
 
 def choose_view(
@@ -154,12 +169,9 @@ def choose_view(
     return Choice(side * max(found)[2], "split", d_max, settings.d_max_m, scores)
 
 
-def _split(means: NDArray[np.float64], j: int, settings: Settings, d_max_m: float) -> Split:
-    left, right = means[:j], means[j:]
-    left, right = left[~np.isnan(left)], right[~np.isnan(right)]
-    if not len(left) or not len(right):
-        return Split(j, 0.0, 0.0, 0, False)
-    difference = float(left.mean() - right.mean())
-    variance = float(((left - left.mean()) ** 2).sum() + ((right - right.mean()) ** 2).sum())
-    over = int(np.count_nonzero(right > d_max_m))
-    return Split(j, difference, variance, over, difference >= settings.delta_m and over <= settings.max_over)
+def _mean_and_spread(
+    means: NDArray[np.float64], parts: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of each row of `parts`: the mean, and the sum of squared deviations from it."""
+    mean = (means * parts).sum(axis=1) / np.maximum(parts.sum(axis=1), 1)
+    return mean, (((means - mean[:, None]) ** 2) * parts).sum(axis=1)
