@@ -1,0 +1,63 @@
+"""Which pixels have a named colour, and the connected patches they form.
+
+A table over 32 x 32 x 32 colours holds, for each name, how much likelier that pixel colour is on a thing called so
+than anywhere else in a picture; it is counted from pictures, so it knows about shade, haze and brick.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+BITS = 5
+BINS = 1 << (3 * BITS)
+MAX_PATCHES = 40
+MIN_AREA_PX = 28
+LIKELY = 110
+"""Of 255; pixels under it don't start a patch."""
+COMMON_SHARE = 0.03
+"""A colour that fills more of a picture than this is wall, glass or sky."""
+
+Picture = NDArray[np.uint8]
+
+
+class Patch(NamedTuple):
+    """Pixels: left, top, width, height of a patch, and how many of them have the colour."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    area: int
+
+
+def bin_index(rgb: Picture) -> NDArray[np.uint16]:
+    """(H, W, 3) -> (H, W): the table's row of each pixel."""
+    coarse = rgb >> (8 - BITS)
+    r, g, b = (coarse[:, :, k].astype(np.uint16) for k in range(3))
+    return np.asarray((r << (2 * BITS)) | (g << BITS) | b, np.uint16)
+
+
+def likeness(index: NDArray[np.uint16], table: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) 0..255: how likely each pixel is of the table's colour, common colours of this picture left out.
+
+    index: (H, W) from `bin_index`; table: (BINS,).
+    """
+    counts = np.bincount(index.ravel(), minlength=BINS)
+    own = np.where(counts > COMMON_SHARE * index.size, 0, table).astype(np.uint8)
+    return np.asarray(own[index], np.uint8)
+
+
+def patches(like: NDArray[np.uint8]) -> list[Patch]:
+    """The patches of likely pixels, those with the most pixels first, at most MAX_PATCHES."""
+    side = like.shape[0]
+    mask = (like >= LIKELY).astype(np.uint8)
+    closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    count, _, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8, ltype=cv2.CV_32S)
+    stats = stats[1:count]
+    w, h, area = stats[:, 2], stats[:, 3], stats[:, 4]
+    keep = (area >= MIN_AREA_PX) & (w >= 4) & (h >= 4) & (w <= side * 0.4) & (h <= side * 0.45)
+    stats = stats[keep]
+    order = np.argsort(-stats[:, 4], kind="stable")[:MAX_PATCHES]
+    return [Patch(*(int(v) for v in row)) for row in stats[order]]

@@ -1,0 +1,138 @@
+"""The embedded model: four questions answered from pixels and text alone.
+
+What it knows was counted and fitted from labelled pictures (`services.vlm_gateway.embedded.fit`) and lies beside this
+module: `weights.npz` and `vocabulary.json`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.geometry import Box, PointLabel
+from services.vlm_gateway.embedded.bands import BANDS, column_bands, longest_run, peaks, row_bands, small
+from services.vlm_gateway.embedded.colours import Patch, bin_index, likeness, patches
+from services.vlm_gateway.embedded.describe import describe
+from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
+from services.vlm_gateway.embedded.words import OutOfVocabulary, Vocabulary
+
+Picture = NDArray[np.uint8]
+FOLDER = Path(__file__).parent
+ROW_APART = 7
+BOX_LIKELY = 0.5
+NOMINAL_PX = 800
+FAR_ENOUGH = 0.6
+
+__all__ = ["BoxSeen", "EmbeddedModel", "FloorsSeen", "OutOfVocabulary", "Sighting"]
+
+
+@dataclass(frozen=True)
+class FloorsSeen:
+    """`rows`: the middles of the window rows, 0..1 from the top, topmost first."""
+
+    count: int
+    rows: tuple[float, ...]
+    confidence: float
+
+
+class BoxSeen(NamedTuple):
+    box: Box
+    confidence: float
+
+
+class Sighting(NamedTuple):
+    """`view_index` counts the views that were handed in from 0."""
+
+    view_index: int
+    box: Box
+    confidence: float
+
+
+class MarkedPlace(Protocol):
+    """A marked point: at (x, y) of the picture's width and height, with the metres one may fly towards it."""
+
+    @property
+    def label(self) -> PointLabel: ...
+    @property
+    def x(self) -> float: ...
+    @property
+    def distance_m(self) -> float: ...
+
+
+class EmbeddedModel:
+    """Holds nothing but constants, so that threads may share it."""
+
+    def __init__(self, folder: Path = FOLDER) -> None:
+        arrays = dict(np.load(folder / "weights.npz"))
+        self.version = str(arrays["version"])
+        self._vocabulary = Vocabulary.load(folder / "vocabulary.json")
+        self._rows = Perceptron.unpacked("rows", arrays)
+        self._columns = Perceptron.unpacked("columns", arrays)
+        self._classes = Perceptron.unpacked("classes", arrays)
+        self._tables: NDArray[np.uint8] = arrays["tables"]
+        self._sure = float(arrays["sure"])
+        self._row_likely = float(arrays["row_likely"])
+
+    def count_floors(self, rgb: Picture) -> FloorsSeen:
+        """The floors of the building ahead whose window row's middle lies in the picture. rgb: (H, W, 3) uint8."""
+        heat = sigmoid(self._rows.logits(row_bands(small(rgb))))[:, 0]
+        found = peaks(heat, self._row_likely, ROW_APART)
+        confidence = float(min((heat[i] for i in found), default=1.0 - heat.max()))
+        return FloorsSeen(len(found), tuple((i + 0.5) / BANDS for i in found), confidence)
+
+    def building_box(self, rgb: Picture) -> BoxSeen | None:
+        """Where the building ahead is, null where there is none. rgb: (H, W, 3) uint8."""
+        picture = small(rgb)
+        down = sigmoid(self._rows.logits(row_bands(picture)))[:, 1]
+        across = sigmoid(self._columns.logits(column_bands(picture)))[:, 0]
+        rows, columns = longest_run(down > BOX_LIKELY), longest_run(across > BOX_LIKELY)
+        if rows is None or columns is None:
+            return None
+        box = Box(x_min=columns[0] / BANDS, y_min=rows[0] / BANDS, x_max=columns[1] / BANDS, y_max=rows[1] / BANDS)
+        return BoxSeen(box, float(min(down[rows[0] : rows[1]].mean(), across[columns[0] : columns[1]].mean())))
+
+    def find_object(self, views: Sequence[Picture], phrase: str) -> list[Sighting]:
+        """Where the thing of that name is seen, the most confident first; empty where it is not.
+
+        views: (H, W, 3) uint8 each. Raises OutOfVocabulary for a phrase that names nothing known.
+        """
+        wanted = self._vocabulary.wanted(phrase)
+        kinds = [self._vocabulary.kinds.index(k) for k in wanted.kinds]
+        possible = dict.fromkeys(c for k in wanted.kinds for c in self._vocabulary.colours_of[k])
+        colours = [wanted.colour] if wanted.colour else list(possible)
+        seen = [s for i, rgb in enumerate(views) for c in colours for s in self._look(i, rgb, c, kinds)]
+        return sorted(seen, key=lambda s: -s.confidence)
+
+    def choose_direction(self, rgb: Picture, points: Sequence[MarkedPlace]) -> PointLabel:
+        """Round a building on the right: the point farthest right among those with a long free way, so that the way
+        hugs the facade and turns with its corner."""
+        longest = max(p.distance_m for p in points)
+        return max((p for p in points if p.distance_m >= FAR_ENOUGH * longest), key=lambda p: p.x).label
+
+    def _look(self, view: int, rgb: Picture, colour: str, kinds: list[int]) -> list[Sighting]:
+        picture = nominal(rgb)
+        number = self._vocabulary.colours.index(colour)
+        like = likeness(bin_index(picture), self._tables[number])
+        found = patches(like)
+        rows = describe(picture, like, found, number, len(self._vocabulary.colours))
+        scores = softmax(self._classes.logits(rows))[:, kinds].sum(axis=1)
+        return [
+            Sighting(view, _box(p, picture.shape[0]), float(s))
+            for p, s in zip(found, scores, strict=True)
+            if s >= self._sure
+        ]
+
+
+def nominal(rgb: Picture) -> Picture:
+    """The picture at the size at which patches were learnt."""
+    if rgb.shape[:2] == (NOMINAL_PX, NOMINAL_PX):
+        return rgb
+    return np.asarray(cv2.resize(rgb, (NOMINAL_PX, NOMINAL_PX), interpolation=cv2.INTER_LINEAR), np.uint8)
+
+
+def _box(p: Patch, side: int) -> Box:
+    return Box(x_min=p.x / side, y_min=p.y / side, x_max=(p.x + p.width) / side, y_max=(p.y + p.height) / side)
