@@ -111,7 +111,7 @@ def check_start(ready: ReadyScene, world: World) -> None:
     half = ready.blueprint.half_size_m
     outside = max(abs(start.x), abs(start.y)) > half or not 0.0 < start.z < ready.blueprint.ceiling_m
     if touched or outside:
-        where = f"touch {touched}" if touched else "be outside the world"
+        where = "be outside the world" if outside else f"touch {touched}"
         raise BadQuestion(
             f"the drone would {where} at its start ({start.x:g}, {start.y:g}, {start.z:g}); it is a sphere of radius "
             f"{world.radius_m:g} m and the world reaches {half:g} m from the origin and "

@@ -107,13 +107,13 @@ def test_a_drone_at_a_wall_can_fly_off_but_not_on(world: World) -> None:
 
 def test_sweeps_agree_with_a_dense_walk_past_random_boxes() -> None:
     rng = np.random.default_rng(5)
-    lows = rng.uniform(-6, 6, (12, 3)) + (0, 0, 10)
+    lows = np.array([0, 0, 10]) + rng.uniform(-6, 6, (12, 3))
     highs = lows + rng.uniform(0.02, 3.0, (12, 3))
     solids = [box(f"b{i}", tuple(lows[i]), tuple(highs[i])) for i in range(12)]
     world = World(Blueprint(solids, half_size_m=60.0, roof_m=20.0), radius_m=0.35)
     stopped = 0
     try:
-        for start, end in rng.uniform(-8, 8, (60, 2, 3)) + (0, 0, 10):
+        for start, end in np.array([0, 0, 10]) + rng.uniform(-8, 8, (60, 2, 3)):
             length = float(np.linalg.norm(end - start))
             walk = start + (end - start) * np.linspace(0, 1, int(length / 0.002))[:, None]
             gap = np.maximum(np.maximum(lows - walk[:, None], walk[:, None] - highs), 0.0)

@@ -1,0 +1,22 @@
+"""`python -m services.sim`"""
+
+import os
+import sys
+
+from service_kit.run import run
+from service_kit.settings import BadSetting, Settings
+from services.sim.bootstrap import DEFAULT_PORT, build
+from services.sim.render.gl import NoGlContext
+
+
+def main() -> None:
+    settings = Settings(os.environ)
+    try:
+        app = build(settings)
+    except (BadSetting, NoGlContext) as error:
+        sys.exit(f"sim can't start: {error}")
+    run(app, settings, DEFAULT_PORT)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""Built scenes, shared by the episodes that fly in them, and kept a while for the next ones."""
+
+import asyncio
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import TypeVar
+
+from contracts.scene import Scene
+from service_kit.errors import Unavailable
+from services.sim.render.thread import RendererBusy, RenderThread
+from services.sim.render.views import Renderer, Uploaded
+from services.sim.scenes import ReadyScene, SceneBuilder, make_ready, scene_key
+
+T = TypeVar("T")
+
+
+class Shelved:
+    """A scene in both memories, the processor's and the renderer's; `users` episodes fly in it."""
+
+    def __init__(self, ready: ReadyScene, uploaded: Uploaded) -> None:
+        self.ready = ready
+        self.uploaded = uploaded
+        self.users = 0
+
+
+class SceneShelf:
+    """Lends scenes out. Those that nobody uses stay, `keep` of them at most, the longest unused goes first."""
+
+    def __init__(self, build: SceneBuilder, renderer: RenderThread, workers: Executor, keep: int) -> None:
+        self._build = build
+        self._renderer = renderer
+        self._workers = workers
+        self._keep = keep
+        self._scenes: dict[str, Shelved] = {}
+        self._building = asyncio.Lock()
+
+    async def borrow(self, scene: Scene) -> Shelved:
+        """Built now where it isn't there yet, one at a time. Raises BadQuestion or Unavailable."""
+        key = scene_key(scene)
+        if key not in self._scenes:
+            async with self._building:
+                if key not in self._scenes:
+                    loop = asyncio.get_running_loop()
+                    ready = await loop.run_in_executor(self._workers, make_ready, scene, self._build)
+                    uploaded = await draw(self._renderer, lambda renderer: renderer.upload(ready.mesh))
+                    self._scenes[key] = Shelved(ready, uploaded)
+        shelved = self._scenes[key]
+        shelved.users += 1
+        return shelved
+
+    async def give_back(self, shelved: Shelved) -> None:
+        """Once for each `borrow`."""
+        shelved.users -= 1
+        key = shelved.ready.key
+        if shelved.users == 0 and self._scenes.get(key) is shelved:
+            self._scenes[key] = self._scenes.pop(key)  # the last to have been used
+        unused = [k for k, s in self._scenes.items() if s.users == 0]
+        for old in unused[: max(0, len(unused) - self._keep)]:
+            await self._release(self._scenes.pop(old))
+
+    def __len__(self) -> int:
+        return len(self._scenes)
+
+    async def _release(self, shelved: Shelved) -> None:
+        await draw(self._renderer, lambda _: shelved.uploaded.release())
+
+
+async def draw(renderer: RenderThread, job: Callable[[Renderer], T]) -> T:
+    """A job on the renderer's thread. Raises Unavailable where too many wait there."""
+    try:
+        future = renderer.submit(job)
+    except RendererBusy as error:
+        raise Unavailable(f"no picture can be drawn now: {error}; try again shortly", code="renderer_busy") from None
+    return await asyncio.wrap_future(future)
