@@ -53,6 +53,7 @@ from services.depth_assist.app import choose_viewpoint, measure_safe_distances, 
 
 SIZE = 120
 RADIUS_M = 0.35
+START = Pose(x=0.0, y=-15.0, z=1.5, yaw=math.pi / 2)
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class Block:
     floor_height_m: float = 3.0
     thing: tuple[float, float, float] = (3.0, -6.2, 10.5)
     thing_normal: tuple[float, float] = (0.0, -1.0)
-    start: Pose = Pose(x=0.0, y=-15.0, z=1.5, yaw=math.pi / 2)
+    start: Pose = START
 
     @property
     def top(self) -> float:
