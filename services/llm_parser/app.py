@@ -3,6 +3,7 @@
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from typing import Any
 
 from fastapi import FastAPI
 from fastapi.responses import Response
@@ -17,7 +18,7 @@ from services.llm_parser.port import Parser
 from services.llm_parser.rules.parser import MODEL as RULES
 
 MAX_BODY_BYTES = 64 * 1024
-_ERRORS = {status: {"model": ErrorBody} for status in (413, 422, 503, 504)}
+_ERRORS: dict[int | str, dict[str, Any]] = {status: {"model": ErrorBody} for status in (413, 422, 503, 504)}
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,13 @@ _BUILDINGS = words(
     "building tower block house high-rise highrise skyscraper apartment tenement complex hotel residence monster "
     "giant beast condo"
 )
-_LINKS = words("number no nr num is : = - the called marked # uh it was ( says my")
+_LINKS = words("number no nr num is : = - the called marked # uh it was ( says my should read be to")
 _NO_FLOOR_BEFORE = words(
     "apt apartment ap flat unit suite room house code gate order telephone phone ext extension invoice door parcels "
     "at age aged of past half about around for pin bus route lane line item items"
 )
+_PREDICATES = words("has have had owns keeps always never will would is are was tends thinks steals likes loves gets")
+_PLACES = lex.ANCHORS | lex.DWELLINGS
 _UP = words("above over higher up")
 _DOWN = words("below under beneath underneath lower down")
 _DISPLAYS = words("says say reads shows display written press push button marked labelled labeled saying")
@@ -24,12 +26,14 @@ _DISPLAYS = words("says say reads shows display written press push button marked
 
 @dataclass(frozen=True, slots=True)
 class FloorMention:
-    """Tokens `first` to `last` (exclusive) name `floor`; `score` is how much speaks for it."""
+    """Tokens `first` to `last` (exclusive) name `floor`; `score` is how much speaks for it, `doubt` the part of it that is
+    held against a mention for being some third person's."""
 
     first: int
     last: int
     floor: int
     score: float
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +46,8 @@ class Floors:
     def best(self) -> FloorMention | None:
         """The mention that most speaks for, where anything does."""
         good = [m for m in self.mentions if m.score > 0]
+        if not good:
+            good = [replace(m, score=m.score + m.doubt) for m in self.mentions if m.score + m.doubt > 1.0]
         if not good:
             return None
         return max(good, key=lambda m: (m.score + 0.5 * sum(o.floor == m.floor for o in good), m.first))
@@ -113,7 +119,7 @@ class _Finder:
         words_before = {self._norm(at - k) for k in (1, 2, 3, 4)}
         if before == "the" or before in ("on", "to", "in", ":", "=", "no", "actually", "sorry", "now", "*"):
             placed = bool(words_before & {"on", "to", "up", "from", "floor", "live", "at", "in", "no", "say", "saying"})
-            small = value <= 2 and self._tokens[at].raw.isalpha() and not words_before & {"on", "floor", "up"}
+            small = value <= 2 and self._tokens[at].raw.isalpha() and not words_before & {"on", "floor", "up", "to"}
             self._add(at, at + 1, value, (2.5 if placed else 1.5) - (2.0 if small else 0.0))
             return 1
         return 0
@@ -168,6 +174,9 @@ class _Finder:
             return 2.5
         if before in ("number", "no", "nr") and second not in _NO_FLOOR_BEFORE:
             return 2.5 if before == "number" else 2.0
+        if following is not None and following.norm == "not" and self._kind(at + 2) is Kind.CARDINAL:
+            said = {t.norm for t in self._tokens[max(0, at - 14) : at]}
+            return 2.5 if said & lex.FLOOR_NOUNS or before in ("is", ":") else 1.0
         lift = {t.norm for t in self._tokens[max(0, at - 9) : at + 8]} & {
             "lift",
             "elevator",
@@ -346,13 +355,15 @@ class _Finder:
         floor_before = self._found[index - 1].last if index else 0
         following = self._found[index + 1].first if index + 1 < len(self._found) else self._size
         score = mention.score + 0.1 * index
+        back = [t.norm for t in self._tokens[max(floor_before, mention.first - 8) : mention.first]]
         owner = scope.owner_before(self._tokens, mention.first, floor_before)
-        score += {scope.Owner.MINE: 2.0, scope.Owner.OTHER: -5.0, scope.Owner.UNSAID: 0.0}[owner]
+        doubt = 5.0 if owner is scope.Owner.SOMEONE else 0.0
+        score += {scope.Owner.MINE: 2.0, scope.Owner.NEIGHBOUR: -6.0}.get(owner, 0.0) - doubt
         if scope.negated(self._tokens, mention.first, floor_before):
             score -= 9.0
-        if scope.past(self._tokens, mention.first, floor_before):
+        shown = bool(set(back) & _DISPLAYS) and mention.score < 4.0
+        if not shown and scope.past(self._tokens, mention.first, floor_before):
             score -= 6.0
-        back = [t.norm for t in self._tokens[max(floor_before, mention.first - 8) : mention.first]]
         if set(back) & {
             "deliver",
             "bring",
@@ -368,6 +379,21 @@ class _Finder:
             "live",
         }:
             score += 1.5
+        if {"for", "is"} <= set(back[-4:]) and set(back) & {
+            "order",
+            "parcel",
+            "package",
+            "delivery",
+            "this",
+            "that",
+            "it",
+        }:
+            score += 3.0
+        if self._norm(mention.last) in _PREDICATES and owner is not scope.Owner.MINE and not set(back) & _PLACES:
+            score -= 3.0
+        between = {t.norm for t in self._tokens[mention.last : following]}
+        if following < self._size and following - mention.last < 20 and between & {"but", "however", "though"}:
+            score -= 2.0
         if "press" in back or "habit" in back:
             score -= 3.0
         text = scope.after(self._tokens, mention.last, following)
@@ -375,7 +401,7 @@ class _Finder:
             score -= 6.0
         if following < self._size and self._corrected(mention.last, following):
             score -= 9.0
-        return replace(mention, score=score)
+        return replace(mention, score=score, doubt=doubt)
 
     def _corrected(self, start: int, end: int) -> bool:
         """Does a correction stand between two mentions, close before the second?"""

@@ -1,6 +1,7 @@
 """Which of the noun phrases marks the customer's window: cues before and behind each phrase, added up."""
 
-from dataclasses import dataclass
+from collections.abc import Set
+from dataclasses import dataclass, replace
 
 from services.llm_parser.rules import lexicon as lex
 from services.llm_parser.rules import scope
@@ -14,8 +15,8 @@ THRESHOLD = 1.0
 _LOOK = words(
     "look looking see spot find search searching recognise recognize identify notice identifiable identified marked "
     "marks marker mark landmark reference watch seek spotting finding lookout recognisable recognizable marking "
-    "flagged distinguished beacon sign spots clue hint cue seeing locate locating follow visual identifier id "
-    "indicator"
+    "flagged distinguished beacon mentioned sign spots clue hint cue seeing locate locating follow visual "
+    "identifier id indicator"
 )
 _STAND = words("is are hangs stands sits hang stand sit lies hanging standing sitting lives")
 _NEAR = words(
@@ -32,35 +33,43 @@ _PUT_OUT = words(
 )
 _SELF = words("i we")
 _AT = words("at by on in outside near beside behind next inside from below under above against across")
-_HAVE = words("has have having got with 's shows displays features sports bears carries boasts showing holds wearing")
+_HAVE = words(
+    "has have having got with 's shows displays displaying features featuring bearing sports bears carries boasts "
+    "showing holds wearing"
+)
 _PLACES = lex.ANCHORS | lex.DWELLINGS
 
 
 @dataclass(frozen=True, slots=True)
 class ScoredPhrase:
+    """`doubt` is the part of the score that is held against a phrase for belonging to some third person."""
+
     phrase: Phrase
     score: float
+    doubt: float = 0.0
 
 
-def choose_object(tokens: list[Token], phrases: list[Phrase]) -> Phrase | None:
+def choose_object(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -> Phrase | None:
     """The phrase that most speaks for being the mark, or None where none does."""
-    scored = score_phrases(tokens, phrases)
+    scored = score_phrases(tokens, phrases, taken)
     good = [s for s in scored if s.score >= THRESHOLD]
+    if not good:
+        good = [replace(s, score=s.score + s.doubt) for s in scored if s.score + s.doubt >= THRESHOLD + 1.0]
     if not good:
         return None
     return max(good, key=lambda s: s.score).phrase
 
 
-def score_phrases(tokens: list[Token], phrases: list[Phrase]) -> list[ScoredPhrase]:
+def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -> list[ScoredPhrase]:
     """Every phrase that names a thing, with its score."""
     things = [p for p in phrases if tokens[p.head].norm not in lex.NON_OBJECTS or _measures(tokens, p)]
     ordinal_choice = _mine_is_the(tokens)
-    scored = [_score(tokens, things, i) for i in range(len(things))]
+    scored = [_score(tokens, things, i, taken) for i in range(len(things))]
     if ordinal_choice is not None:
         marked = [i for i, s in enumerate(scored) if s.score > 2.0 or _in_one_other(tokens, s.phrase)]
         if len(marked) >= 2:
             wanted = marked[ordinal_choice if ordinal_choice < 0 else min(ordinal_choice, len(marked) - 1)]
-            scored[wanted] = ScoredPhrase(scored[wanted].phrase, scored[wanted].score + 12.0)
+            scored[wanted] = replace(scored[wanted], score=scored[wanted].score + 12.0)
     return scored
 
 
@@ -93,18 +102,22 @@ def _mine_is_the(tokens: list[Token]) -> int | None:
     return None
 
 
-def _score(tokens: list[Token], things: list[Phrase], index: int) -> ScoredPhrase:
+def _score(tokens: list[Token], things: list[Phrase], index: int, taken: Set[int]) -> ScoredPhrase:
     phrase = things[index]
     before_limit = things[index - 1].last if index else 0
     after_limit = things[index + 1].lead if index + 1 < len(things) else len(tokens)
     score = _own_worth(tokens, phrase)
     score += _cues_before(tokens, phrase, before_limit)
     score += _cues_after(tokens, phrase, after_limit)
+    score += _fragment(tokens, phrase, taken)
     owner = scope.owner_before(tokens, phrase.lead, before_limit)
     if phrase.determiner in ("his", "her", "their", "'s"):
         owner = _possessor(tokens, phrase)
-    if owner is scope.Owner.OTHER and not _reset_by_mine(tokens, phrase):
+    doubt = 0.0
+    if owner is scope.Owner.NEIGHBOUR and not _reset_by_mine(tokens, phrase):
         score -= 9.0
+    elif owner is scope.Owner.SOMEONE and not _reset_by_mine(tokens, phrase):
+        doubt = 7.0
     elif owner is scope.Owner.MINE:
         score += 0.5
     if scope.negated(tokens, phrase.lead, before_limit):
@@ -123,7 +136,7 @@ def _score(tokens: list[Token], things: list[Phrase], index: int) -> ScoredPhras
         for o in things
         if o is not phrase
     )
-    return ScoredPhrase(phrase, score - 0.01 * index)
+    return ScoredPhrase(phrase, score - doubt - 0.01 * index, doubt)
 
 
 def _own_worth(tokens: list[Token], phrase: Phrase) -> float:
@@ -191,6 +204,8 @@ def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 3.0
         if set(back[1:6]) & lex.ANCHORS:
             score += 1.0
+    if first in ("still", "mentioned"):
+        score += 1.5
     if first == "where" and back[1:2] != ["is"]:
         score += 2.5
     if set(back[:3]) & _PUT_OUT and set(back[1:5]) & _SELF:
@@ -199,6 +214,14 @@ def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score -= 1.5 if first != "at" else 0.0
     parcelled = _delivered(back)
     return score - (5.0 if parcelled else 0.0)
+
+
+def _fragment(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> float:
+    """A phrase that is a clause by itself: "The bicycle wheel." or "5th floor, bicycle wheel, thanks"."""
+    before, behind = phrase.lead - 1, phrase.last
+    opens = before < 0 or not tokens[before].is_word or before in taken
+    closes = behind >= len(tokens) or not tokens[behind].is_word or behind in taken
+    return 1.25 if opens and closes else 0.0
 
 
 def _delivered(back: list[str]) -> bool:
@@ -284,15 +307,15 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
 
 def _possessor(tokens: list[Token], phrase: Phrase) -> scope.Owner:
     if phrase.determiner != "'s":
-        return scope.Owner.OTHER
+        return scope.Owner.SOMEONE
     words = [tokens[i].norm for i in range(phrase.lead, phrase.first)]
     if set(words) & lex.PEOPLE or "door" in words:
-        return scope.Owner.OTHER
+        return scope.Owner.NEIGHBOUR
     if set(words) & lex.MY:
         return scope.Owner.MINE
     if set(words) & lex.KIN:
         return scope.Owner.UNSAID
-    return scope.Owner.OTHER
+    return scope.Owner.SOMEONE
 
 
 def _reset_by_mine(tokens: list[Token], phrase: Phrase) -> bool:

@@ -15,7 +15,7 @@ def parse(request: str) -> ParseAnswer:
     tokens = tokenize(request)
     floors = find_floors(tokens)
     floor = floors.best()
-    thing = choose_object(tokens, find_phrases(tokens, floors.taken))
+    thing = choose_object(tokens, find_phrases(tokens, floors.taken), floors.taken)
     name = thing.text[:LONGEST_OBJECT] if thing else None
     return ParseAnswer(
         floor=floor.floor if floor else None,

@@ -58,15 +58,17 @@ class _Chunker:
     def _phrase(self, at: int) -> Phrase | None:
         lead = at
         determiner = ""
-        while self._norm(at) in lex.DETERMINERS and self._tokens[at].is_word:
+        while at - lead < 4 and self._norm(at) in lex.DETERMINERS and self._tokens[at].is_word:
             determiner = self._norm(at)
             at += 1
+        if determiner == "" and self._is_verb_form(at):
+            return None
         if determiner in ("that", "this", "which", "what") and self._norm(at) in ("is", "'s"):
             return None
-        while self._norm(at) in lex.EVALUATIVE and self._belongs(at + 1, True, False):
+        while self._is_opinion(at) and self._belongs(at + 1, True, False):
             at += 1
             determiner = determiner or "-"
-        if at == lead and not self._belongs(at, False, False):
+        if at == lead and not self._belongs(at, self._is_labelled(at), False):
             return None
         first = at
         if self._is_count(at):
@@ -81,6 +83,20 @@ class _Chunker:
         first = self._skip_anchor(first, at, determiner)
         last = self._extend(at, head)
         return self._make(determiner, lead, first, last, head)
+
+    def _is_opinion(self, at: int) -> bool:
+        word = self._norm(at)
+        superlative = word.endswith("est") and len(word) > 5 and word not in ("forest", "harvest", "tempest")
+        return word in lex.EVALUATIVE or superlative
+
+    def _is_verb_form(self, at: int) -> bool:
+        """ "we are painting": no thing."""
+        return self._norm(at).endswith("ing") and self._norm(at - 1) in ("is", "are", "am", "was", "were", "be", "been")
+
+    def _is_labelled(self, at: int) -> bool:
+        """Behind a label ("Mark: hand saw") a word that is noun or verb is a noun if it goes on like one."""
+        label = at > 0 and self._tokens[at - 1].kind is Kind.SYMBOL and self._tokens[at - 1].norm in (":", "=")
+        return label and self._is_plain(at + 1)
 
     def _make(self, determiner: str, lead: int, first: int, last: int, head: int) -> Phrase:
         words = tuple(self._tokens[i].raw.lower() if self._tokens[i].raw else self._norm(i) for i in range(first, last))
@@ -180,7 +196,7 @@ class _Chunker:
 
     def _extend(self, at: int, head: int) -> int:
         noun = self._norm(head)
-        while True:
+        for _ in range(3):
             link = self._norm(at)
             if link == "of" and (noun in lex.MEASURE_NOUNS or noun not in lex.NON_OBJECTS):
                 end = self._complement(at + 1, ("a", "an", "the", "some", "two", "three"))
@@ -196,9 +212,11 @@ class _Chunker:
                 end = end if end - at <= 3 and self._norm(end - 1) not in lex.KIN else at
             else:
                 return at
-            if end <= at + 1 or self._norm(end - 1) in lex.NON_OBJECTS:
+            barred = _PLACES_AND_PEOPLE if link == "of" else lex.NON_OBJECTS
+            if end <= at + 1 or self._norm(end - 1) in barred:
                 return at
             at = end
+        return at
 
     def _complement(self, at: int, determiners: tuple[str, ...]) -> int:
         start = at
@@ -208,4 +226,7 @@ class _Chunker:
         return end if end > at else start - 1
 
 
+_PLACES_AND_PEOPLE = (
+    lex.PEOPLE | lex.ANCHORS | lex.FLOOR_NOUNS | words("building block tower house street side floor mine ours room")
+)
 _BEFORE_CAN = words("tin trash garbage oil petrol soda paint spray beer milk cola rubbish water jerry coke")

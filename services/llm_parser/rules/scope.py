@@ -11,16 +11,18 @@ REACH = 25
 
 class Owner(Enum):
     MINE = "mine"
-    OTHER = "other"
     UNSAID = "unsaid"
+    SOMEONE = "someone"
+    """A third person who may well be the customer's own household: "dad put ...", "she lives on ..."."""
+    NEIGHBOUR = "neighbour"
+    """Surely not the customer."""
 
 
-_HAS = words("has have had got gets 's owns owned keeps put puts lives live lived is are was were with who on in")
+_KIN_HAS = words("has have had got 's owns owned keeps lives live lived is are was were with who on in")
 _PRONOUN_HAS = words("has have had got owns keeps put puts lives live hung")
-_RESET = words("you look find spot drone")
-_OTHER_WORDS = words("else else's hers theirs")
-_SOMEBODY = words("someone somebody anyone everyone everybody others")
-_PLAIN_HOSTS = lex.NON_OBJECTS | lex.CLOSED
+_RESET = words("you look find spot drone come go deliver bring send fly please straight")
+_SOMEBODY = words("someone somebody anyone everyone everybody nobody others")
+_PLAIN_HOSTS = lex.NON_OBJECTS | lex.CLOSED | lex.OBJECT_NOUNS | lex.ATTRIBUTES
 
 
 def owner_before(tokens: list[Token], at: int, floor: int = 0) -> Owner:
@@ -30,41 +32,38 @@ def owner_before(tokens: list[Token], at: int, floor: int = 0) -> Owner:
         token = tokens[back]
         if token.sentence != sentence or token.kind is Kind.STOP:
             break
-        if not token.is_word:
-            continue
-        word = token.norm
-        following = tokens[back + 1].norm if back + 1 < len(tokens) else ""
-        if word in lex.MY:
-            if word in ("me", "i") and back and tokens[back - 1].norm in ("tell", "tells", "told", "ask", "asked"):
-                continue
-            return Owner.MINE
-        if word in lex.PEOPLE or word in _OTHER_WORDS:
-            return Owner.OTHER
-        if word in lex.KIN and back + 1 < at and (following in _HAS or following in ("'s",)):
-            if not (back and tokens[back - 1].norm == "the" and back > 1 and tokens[back - 2].norm == "am"):
-                return Owner.OTHER
-        if word in ("he", "she", "they") and following in _PRONOUN_HAS:
-            return Owner.OTHER
-        if word in ("his", "her", "their"):
-            return Owner.OTHER
-        if word in _SOMEBODY and (following in _PRONOUN_HAS or following in ("else", "'s", "with")):
-            return Owner.OTHER
-        if word == "door" and back and tokens[back - 1].norm == "next":
-            return Owner.OTHER
-        if (
-            word in ("upstairs", "downstairs")
-            and back
-            and tokens[back - 1].norm not in ("i", "am", "go", "come", "is", "'s")
-        ):
-            return Owner.OTHER
-        if word in _RESET:
-            return Owner.UNSAID
-        if word == "it" and following in ("is", "'s"):
-            return Owner.UNSAID
-        if following in ("has", "have", "'s", "owns", "keeps") and back + 1 < at and word not in _PLAIN_HOSTS:
-            if word not in lex.OBJECT_NOUNS and word not in lex.ATTRIBUTES and following != "'s":
-                return Owner.OTHER
+        if token.is_word:
+            owner = _owner_word(tokens, back, at)
+            if owner is not None:
+                return owner
     return Owner.UNSAID
+
+
+def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
+    """What the word at `at` says about the owner of what is mentioned at `mention`."""
+    word = tokens[at].norm
+    before = tokens[at - 1].norm if at else ""
+    following = tokens[at + 1].norm if at + 1 < len(tokens) else ""
+    if word in lex.MY:
+        return Owner.UNSAID if word == "me" and before in ("tell", "tells", "told", "ask", "asked") else Owner.MINE
+    if word in lex.PEOPLE or word in ("else", "else's", "hers", "theirs") or (word == "door" and before == "next"):
+        return Owner.NEIGHBOUR
+    if word in _RESET or (word == "it" and following in ("is", "'s")):
+        return Owner.UNSAID
+    if word in lex.KIN and at + 1 < mention and following in _KIN_HAS and before != "the":
+        return Owner.SOMEONE
+    if (word in ("he", "she", "they") and following in _PRONOUN_HAS) or word in ("his", "her", "their"):
+        return Owner.SOMEONE
+    if word in _SOMEBODY and (following in _PRONOUN_HAS or following in ("else", "'s", "with", "on", "in")):
+        return Owner.NEIGHBOUR if following in ("else", "with") else Owner.SOMEONE
+    if word == "nobody":
+        return Owner.SOMEONE
+    if word in ("upstairs", "downstairs") and before in ("from", "family", "people", "one", "guys", "lot"):
+        return Owner.NEIGHBOUR
+    owns = following in ("has", "have", "owns", "keeps") and at + 1 < mention
+    if owns and word not in _PLAIN_HOSTS and (at + 2 >= len(tokens) or tokens[at + 2].norm != "it"):
+        return Owner.SOMEONE
+    return None
 
 
 _AVOID = words(
@@ -122,49 +121,66 @@ def negated(tokens: list[Token], at: int, floor: int = 0) -> bool:
             return True
         if direct and word not in _NOT_BRIDGE:
             direct = False
-        if word in ("i", "we", "you") and not direct:
+        if word in ("i", "we", "you", "mine", "ours") and not direct:
             return False
     return False
 
 
 _PAST_WORDS = words(
-    "was were former formerly previous previously old originally earlier before used once had until lived moved "
-    "relocated last wrote typed put swapped replaced exchanged switched stolen vacated written entered said"
+    "was were former formerly previous previously originally earlier once had until lived moved relocated wrote "
+    "typed replaced exchanged switched swapped vacated entered removed sold threw lost"
 )
-_NOW_WORDS = words("now currently today nowadays is are am")
+_ONCE_STATED = words("former formerly previous previously originally")
+_NOW_WORDS = words("now currently today nowadays is are am but however")
 
 
 def past(tokens: list[Token], at: int, floor: int = 0) -> bool:
     """Does the clause before token `at` speak of what was: "moved from ...", "it used to be ...", "former ..."?"""
     sentence = tokens[at].sentence
-    for back in range(at - 1, max(floor, at - 12) - 1, -1):
+    depth = 0
+    same_clause = True
+    for back in range(at - 1, max(floor, at - 24) - 1, -1):
         token = tokens[back]
+        word = token.norm
         if token.sentence != sentence or token.kind is Kind.STOP:
             return False
-        word = token.norm
-        if word in (",", ";", "but", "now") or (word in ("to", "into") and _follows_from(tokens, back, sentence)):
+        depth += (word == ")") - (word == "(")
+        if depth > 0:
+            continue
+        following = tokens[back + 1].norm
+        if word == "used" and following == "to":
+            return True
+        if word in _NOW_WORDS or (
+            word in ("to", "for", "by", "with", "into") and _follows_from(tokens, back, sentence)
+        ):
             return False
-        if word == "old":
-            return back + 1 < len(tokens) and tokens[back + 1].norm in (_OLD_PLACES)
-        if word == "put" or word == "said":
-            return any(t.norm in ("form", "order", "yesterday", "wrongly") for t in tokens[back : at + 8])
-        if word == "last":
-            return tokens[back + 1].norm in ("time", "week", "month", "year")
-        if word == "before":
-            return (
-                back == 0
-                or tokens[back - 1].kind is not Kind.WORD
-                or tokens[back + 1].norm in ("i", "we", "it", "this")
-            )
-        if word == "had" and back and tokens[back - 1].norm in lex.MY | {"'s"} and tokens[back - 1].norm == "'s":
+        same_clause = same_clause and word not in (",", ";") and at - back <= 12
+        if not same_clause:
+            continue
+        if word == "old" and following in _OLD_PLACES:
+            return True
+        if word in ("put", "said", "gave", "says") and _is_form(tokens, back, at):
+            return True
+        if word == "last" and following in ("time", "week", "month", "year"):
+            return True
+        if word == "before" and (back == 0 or not tokens[back - 1].is_word or following in ("i", "we", "it", "this")):
+            return True
+        if word in ("was", "were", "had") and at - back > 3:
+            continue
+        if word == "had" and back and tokens[back - 1].norm == "have":
             return False
-        if word == "used":
-            return back + 1 < len(tokens) and tokens[back + 1].norm == "to"
+        if word == "moved" and not any(t.norm in ("from", "out") for t in tokens[back:at]):
+            continue
         if word in _PAST_WORDS:
             return True
-        if word in _NOW_WORDS:
-            return False
     return False
+
+
+def _is_form(tokens: list[Token], start: int, end: int) -> bool:
+    """Is it what a form says that was filled in wrongly?"""
+    return any(
+        t.norm in ("form", "order", "yesterday", "wrongly", "label") for t in tokens[max(0, start - 3) : end + 6]
+    )
 
 
 _OLD_PLACES = lex.DWELLINGS | lex.FLOOR_NOUNS | lex.ANCHORS | words("address one floor")
@@ -172,7 +188,7 @@ _OLD_PLACES = lex.DWELLINGS | lex.FLOOR_NOUNS | lex.ANCHORS | words("address one
 
 def _follows_from(tokens: list[Token], at: int, sentence: int) -> bool:
     return any(
-        t.norm in ("from", "moved", "relocated", "swapped", "changed", "switched", "not")
+        t.norm in ("from", "moved", "relocated", "swapped", "replaced", "exchanged", "changed", "switched", "not")
         for t in tokens[max(0, at - 8) : at]
         if t.sentence == sentence
     )
@@ -247,6 +263,9 @@ _DENIALS = (
     "that is the lady",
     "that is the other",
     "is the other",
+    "stay away",
+    "not try there",
+    "not of",
     "used to be",
 )
 _CONFIRMATIONS = (
@@ -275,16 +294,24 @@ _CONFIRMATIONS = (
 )
 
 
+_GOES_ON = words("that which it but not no and so is was = he she they - (")
+
+
 def after(tokens: list[Token], at: int, limit: int) -> str:
-    """The words from token `at` on, up to `limit` (exclusive) or 9 words, as one text for a look at fixed phrases."""
-    words: list[str] = []
-    for token in tokens[at : min(limit, at + 10)]:
+    """The words from token `at` on, up to `limit` (exclusive), 10 words or a clause about something else, as one text
+    for a look at fixed phrases; "|" is the end of a sentence."""
+    said: list[str] = []
+    for index in range(at, min(limit, at + 11, len(tokens))):
+        token = tokens[index]
         if token.kind is Kind.STOP:
-            words.append("|")
-            continue
-        if token.kind is not Kind.SYMBOL or token.norm == "=":
-            words.append(token.norm)
-    return " " + " ".join(words).replace(" 's", " is") + " "
+            said.append("|")
+        elif token.kind is Kind.SYMBOL and token.norm != "=":
+            following = tokens[index + 1].norm if index + 1 < len(tokens) else ""
+            if following not in _GOES_ON:
+                break
+        else:
+            said.append(token.norm)
+    return " " + " ".join(said).replace(" 's", " is") + " "
 
 
 def denied_after(text: str) -> bool:
@@ -292,7 +319,8 @@ def denied_after(text: str) -> bool:
     own = text.split(" my ")[0] if " not my " not in text else text
     if "|" in own:
         first, second = own.split("|", 1)
-        own = first + ("|" + second.split("|")[0] if second.startswith((" that is", " it is not", " not")) else "")
+        goes_on = second.startswith((" that is", " it is not", " not", " stay away"))
+        own = first + (second.split("|")[0] if goes_on else "")
     return any(_has(own, phrase) for phrase in _DENIALS)
 
 

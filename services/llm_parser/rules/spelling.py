@@ -4,6 +4,7 @@ A token is repaired when it is no known word and lies close to exactly the kind 
 a function word, a place or a floor noun. The first letter has to be right, or swapped with the second.
 """
 
+import re
 from functools import lru_cache
 
 from rapidfuzz import process
@@ -102,7 +103,7 @@ _LONG_TARGETS = sorted(
             "hanging standing sitting thanks thank and your under above below opposite against instead wrong before "
             "after already something someone number about don't through right front door doors waiting knock mine "
             "careful always still just only also want need what when will help visible really very terrace railing "
-            "glass marked placed"
+            "glass marked placed though"
         )
         | CARDINALS.keys()
         | ORDINALS.keys()
@@ -164,9 +165,15 @@ _KNOWN = (
 )
 
 
+_LONG_DRAWN = re.compile(r"(.)\1{2,}")
+
+
 @lru_cache(maxsize=8192)
 def repair(word: str) -> tuple[str, bool]:
     """The word that `word` stands for (sometimes two), and whether it was changed. Lower case in, lower case out."""
+    word, squeezed = _squeeze(word)
+    if squeezed and word in _KNOWN:
+        return word, True
     short = _SHORT.get(word)
     if short is not None and (word not in _KNOWN or word in FLOOR_NOUNS or word == "buy"):
         return (word, False) if word == "buy" else (short, True)
@@ -183,6 +190,14 @@ def repair(word: str) -> tuple[str, bool]:
     if distance == 2 and (len(target) < 6 or not _same_ends(word, target)):
         return word, False
     return target, True
+
+
+def _squeeze(word: str) -> tuple[str, bool]:
+    """ "plsss" is "pls" and "sooo" is "so": three letters in a row are one, or two where that makes a word."""
+    if not _LONG_DRAWN.search(word):
+        return word, False
+    double = _LONG_DRAWN.sub(r"\1\1", word)
+    return (double if double in _KNOWN else _LONG_DRAWN.sub(r"\1", word)), True
 
 
 def _same_start(word: str, target: str) -> bool:

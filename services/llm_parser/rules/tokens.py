@@ -1,7 +1,7 @@
 """Request text to tokens: words with their normal form, numbers with their value, breaks between clauses."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from services.llm_parser.rules import spelling
@@ -152,7 +152,43 @@ def tokenize(text: str) -> list[Token]:
             tokens.append(Token(Kind.WORD, norm, start, end, 0, sentence, raw))
         else:
             tokens.append(Token(Kind.CODE, raw.lower(), start, end, 0, sentence, raw))
-    return _join_number_words(tokens)
+    return _join_number_words(_untangle(tokens))
+
+
+_SPOKEN_SIGNS = {"comma": ",", "colon": ":", "semicolon": ";", "dash": "-", "hyphen": "-"}
+_AFTER_IT_IS = words("the a an on in not at my number got level lvl floor storey like next right just still near up by")
+
+
+def _untangle(tokens: list[Token]) -> list[Token]:
+    """ "its the" is "it is the", "their is" is "there is", and a dictated "comma" or "full stop" is a sign."""
+    out: list[Token] = []
+    sentence_shift = 0
+    for index, token in enumerate(tokens):
+        token.sentence += sentence_shift
+        following = tokens[index + 1] if index + 1 < len(tokens) else None
+        if not token.is_word:
+            out.append(token)
+        elif token.norm == "its" and following is not None and _after_it_is(following):
+            it, be = replace(token, norm="it"), replace(token, norm="is")
+            out += [it, be]
+        elif token.norm == "their" and following is not None and following.norm in ("is", "are", "'s"):
+            out.append(replace(token, norm="there"))
+        elif token.norm in _SPOKEN_SIGNS:
+            out.append(replace(token, kind=Kind.SYMBOL, norm=_SPOKEN_SIGNS[token.norm]))
+        elif token.norm == "full" and following is not None and following.norm == "stop":
+            out.append(replace(token, kind=Kind.STOP, norm="."))
+            following.kind, following.norm = Kind.STOP, "."
+            sentence_shift += 1
+        elif token.norm == "period" and (following is None or following.raw[:1].islower()):
+            out.append(replace(token, kind=Kind.STOP, norm="."))
+            sentence_shift += 1
+        else:
+            out.append(token)
+    return out
+
+
+def _after_it_is(token: Token) -> bool:
+    return token.norm in _AFTER_IT_IS or token.norm in CARDINALS or token.norm in ORDINALS or not token.is_word
 
 
 def _number(tokens: list[Token], raw: str, start: int, end: int, sentence: int) -> Token:
