@@ -26,7 +26,7 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion, NotFound
 from service_kit.metrics import HttpMetrics
 from services.sim.episodes import Episodes
-from services.sim.render.thread import RenderThread
+from services.sim.render.thread import RendererBusy, RenderThread
 
 MAX_BODY_BYTES = 2 * 1024 * 1024
 ALL_VIEWS = ",".join(str(heading) for heading in VIEW_HEADINGS_DEG)
@@ -58,9 +58,17 @@ def build_app(
         await episodes.close()
         await asyncio.to_thread(renderer.close)
 
+    async def takes_work() -> str | None:
+        try:
+            renderer.submit(lambda _: None)
+        except RendererBusy as error:
+            return str(error)
+        return None
+
     app = create_app(
         "sim",
         max_body_bytes=MAX_BODY_BYTES,
+        checks={"renderer": takes_work},
         about={"renderer": renderer.name, "renderer_detail": renderer.detail, "truth": "on" if truth else "off"},
         token=token,
         metrics=figures,

@@ -2,8 +2,10 @@
 
 import asyncio
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import httpx
@@ -67,9 +69,16 @@ def error(answer: httpx.Response) -> tuple[int, str, str]:
 def launch(serve: Callable[[Any], str], box_builder: Builder) -> Iterator[Callable[..., Simulator]]:
     started: list[Simulator] = []
 
-    def go(limits: Limits = ROOMY, *, truth: bool = True, renderer: str = "auto") -> Simulator:
-        thread = RenderThread(lambda: choose_renderer(renderer))  # type: ignore[arg-type]
-        episodes = Episodes(box_builder, thread, limits)
+    def go(
+        limits: Limits = ROOMY,
+        *,
+        truth: bool = True,
+        renderer: str = "auto",
+        builder: Builder = box_builder,
+        thread: RenderThread | None = None,
+    ) -> Simulator:
+        thread = thread or RenderThread(lambda: choose_renderer(renderer))  # type: ignore[arg-type]
+        episodes = Episodes(builder, thread, limits)
         started.append(Simulator(serve(build_app(episodes, thread, CATALOGUE, truth=truth)), episodes))
         return started[-1]
 
@@ -380,6 +389,55 @@ def test_scenes_nobody_flies_in_are_kept_up_to_a_bound(
         thrifty.http.delete(f"/v1/episodes/{episode.id}")
     assert thrifty.episodes.scenes == 2
     assert thrifty.episodes.live == 0
+
+
+def test_while_a_scene_is_built_others_fly_on_and_health_answers(
+    launch: Callable[..., Simulator], box_builder: Builder, yard: Scene, yard_with: Callable[..., Scene]
+) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+
+    def slow_for_palaces(scene: Scene) -> SceneMesh:
+        if scene.name == "palace":
+            begun.set()
+            assert go_on.wait(30)
+        return box_builder(scene)
+
+    busy = launch(builder=slow_for_palaces)
+    episode = busy.start(yard)
+    with ThreadPoolExecutor(1) as aside:
+        waiting = aside.submit(busy.start, yard_with(name="palace"))
+        assert begun.wait(30)
+        assert busy.http.get("/healthz").status_code == 200
+        assert busy.move(episode.id, 1, BEFORE_THE_POT).json()["reached"]
+        assert busy.look(episode.id, size=64).number == 1
+        assert busy.start(yard).status == "flying"
+        assert not waiting.done()
+        go_on.set()
+        assert waiting.result(30).scene == "palace"
+
+
+def test_more_pictures_than_can_wait_are_refused_and_told_by_readiness(
+    launch: Callable[..., Simulator], yard: Scene
+) -> None:
+    thread = RenderThread(choose_renderer, max_waiting=1)
+    jammed = launch(thread=thread)
+    episode = jammed.start(yard)
+    begun, go_on = threading.Event(), threading.Event()
+
+    def hold(_: object) -> None:
+        begun.set()
+        go_on.wait(30)
+
+    thread.submit(hold)
+    assert begun.wait(30)
+    queued = thread.submit(lambda _: None)
+    status, code, message = error(jammed.http.get(f"/v1/episodes/{episode.id}/observation"))
+    assert (status, code) == (503, "renderer_busy")
+    assert "try again" in message
+    assert error(jammed.http.get("/readyz"))[:2] == (503, "not_ready")
+    go_on.set()
+    queued.result(30)
+    assert jammed.look(episode.id, size=64).number == 1
 
 
 def test_the_truth_names_the_goal_and_the_remaining_way(sim: Simulator, yard: Scene) -> None:
