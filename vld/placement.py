@@ -48,6 +48,7 @@ class Placer:
         self._neighbours = neighbours
         self._catalogue = catalogue
         self._rng = rng
+        self._slots = window_slots(target)
         self._taken: set[Spot] = set()
         self._count = 0
 
@@ -64,7 +65,7 @@ class Placer:
             )
         slots = [
             s
-            for s in window_slots(self._target)
+            for s in self._slots
             if s.facade == facade and s.floor == goal.floor and (goal.column is None or s.column == goal.column)
         ]
         return self._put("goal", entry, goal.colour, slots, goal.on, goal.scale)
@@ -72,8 +73,6 @@ class Placer:
     def decoy(self, decoy: DecoySpec) -> SceneObject:
         """Raises UnbuildableScene where no window fits."""
         goal = self._spec.goal
-        kind, colour = self._decoy_look(decoy)
-        entry = entry_of(self._catalogue, kind)
         self._count += 1
         name = f"decoy-{self._count}"
         if decoy.like == "neighbour":
@@ -85,10 +84,17 @@ class Placer:
         else:
             before = range(goal.corners + 1) if decoy.corners is None else (decoy.corners,)
             walls = {facade_at(self._target, self._spec.start_facade, c) for c in before}
-            slots = (s for s in window_slots(self._target) if s.facade in walls and self._floor_fits(decoy, s.floor))
+            slots = (s for s in self._slots if s.facade in walls and self._floor_fits(decoy, s.floor))
         if decoy.column is not None:
             slots = (s for s in slots if s.column == decoy.column)
-        return self._put(name, entry, colour, self._away_from_goal(slots), None, goal.scale)
+        free = self._away_from_goal(slots)
+        reason = UnbuildableScene(f"{self._spec.name}: nothing can be a decoy of {goal.kind} {goal.colour} here")
+        for kind, colour in self._looks(decoy):
+            try:
+                return self._put(name, entry_of(self._catalogue, kind), colour, free, None, goal.scale)
+            except UnbuildableScene as error:
+                reason = error
+        raise reason
 
     def clutter(self) -> SceneObject | None:
         """Something of another class somewhere near the goal's floor; None when every window is taken."""
@@ -96,7 +102,7 @@ class Placer:
         entries = [e for e in self._catalogue.entries if e.kind != goal.kind and set(e.places) & set(_WINDOW_PLACES)]
         entry = entries[int(self._rng.integers(len(entries)))]
         colours = [c for c in entry.colours if c != goal.colour] or list(entry.colours)
-        slots = (s for s in window_slots(self._target) if abs(s.floor - goal.floor) <= 3)
+        slots = (s for s in self._slots if abs(s.floor - goal.floor) <= 3)
         self._count += 1
         try:
             return self._put(
@@ -111,23 +117,21 @@ class Placer:
             raise UnbuildableScene(f"a {goal.kind} comes in {', '.join(entry.colours)}, not in {goal.colour!r}")
         return entry
 
-    def _decoy_look(self, decoy: DecoySpec) -> tuple[str, str]:
+    def _looks(self, decoy: DecoySpec) -> list[tuple[str, str]]:
+        """Classes and colours that a decoy may have, in the order in which they are tried."""
         goal = self._spec.goal
         if decoy.like in ("floor", "neighbour"):
-            return goal.kind, goal.colour
-        if decoy.like == "colour":
-            colours = [c for c in entry_of(self._catalogue, goal.kind).colours if c != goal.colour]
-            if decoy.colour is None and not colours:
-                raise UnbuildableScene(f"a {goal.kind} comes in one colour only; there is no decoy of another")
-            return goal.kind, decoy.colour or str(self._rng.choice(colours))
-        kinds = [
-            e.kind
+            return [(goal.kind, goal.colour)]
+        looks = [
+            (e.kind, c)
             for e in self._catalogue.entries
-            if e.kind != goal.kind and goal.colour in e.colours and set(e.places) & set(_WINDOW_PLACES)
+            for c in e.colours
+            if (e.kind == goal.kind) == (decoy.like == "colour")
+            and (c == goal.colour) == (decoy.like == "kind")
+            and decoy.kind in (None, e.kind)
+            and decoy.colour in (None, c)
         ]
-        if decoy.kind is None and not kinds:
-            raise UnbuildableScene(f"nothing but the {goal.kind} comes in {goal.colour}")
-        return decoy.kind or str(self._rng.choice(kinds)), goal.colour
+        return [looks[int(i)] for i in self._rng.permutation(len(looks))]
 
     def _floor_fits(self, decoy: DecoySpec, floor: int) -> bool:
         apart = abs(floor - self._spec.goal.floor)

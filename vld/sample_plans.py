@@ -35,7 +35,7 @@ SAMPLE_PLANS: tuple[SamplePlan, ...] = (
         ),
     ),
     SamplePlan(
-        "A poster across the street",
+        "A kite, and another across the street",
         "Hi! Not sure how much detail you need... the flat is 1507, the building is the brick one. We're on the 3rd "
         "floor and there's a blue kite at our window. Somebody over the road has one too, that isn't us.",
         23,
@@ -133,7 +133,8 @@ SAMPLE_PLANS: tuple[SamplePlan, ...] = (
             family="white_render",
             footprint=FootprintSpec(shape="t", width_m=30, depth_m=22, arm_m=12),
             floors=4,
-            goal=GoalSpec(kind="umbrella", colour="red", floor=3, corners=4, scale=1.2),
+            balconies=BalconySpec(every=2, first=0),
+            goal=GoalSpec(kind="umbrella", colour="red", floor=3, corners=4),
             decoys=(DecoySpec(like="colour", colour="yellow", corners=2),),
             clutter=8,
             surroundings=Surroundings(trees=14, cars=3),

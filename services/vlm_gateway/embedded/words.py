@@ -67,8 +67,8 @@ class Vocabulary:
             for first in range(len(words) - length, -1, -1):
                 kinds = self._phrases.get(tuple(words[first : first + length]))
                 if kinds:
-                    rest = words[:first] + words[first + length :]
-                    return Wanted(tuple(kinds), self._colour(rest))
+                    # the nearest colour before the noun, else the first one after it ("a kite, bright blue")
+                    return Wanted(tuple(kinds), self._colour([*reversed(words[:first]), *words[first + length :]]))
         raise OutOfVocabulary(f"nothing in {phrase!r} is a thing this model has learnt to see")
 
     def _colour(self, words: list[str]) -> str | None:
