@@ -81,7 +81,8 @@ class Move(Wire):
 
 
 class MoveResult(Wire):
-    """What came of move `number`: `reached` is false when something stopped the drone at `pose`."""
+    """What came of move `number`: `reached` is false when something stopped the drone at `pose`. `collided` and `hit`
+    are of this move; `episode.collided` remembers."""
 
     number: int
     pose: Pose

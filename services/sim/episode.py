@@ -90,7 +90,7 @@ class LiveEpisode:
             number=number,
             pose=flown.pose,
             reached=flown.hit is None,
-            collided=self._collided,
+            collided=flown.hit is not None,
             hit=flown.hit,
             path_m=flown.path_m,
             flight_s=flown.flight_s,

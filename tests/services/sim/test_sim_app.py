@@ -154,7 +154,8 @@ def test_a_collision_is_remembered(sim: Simulator, yard: Scene) -> None:
     assert (hit["reached"], hit["collided"], hit["hit"]) == (False, True, "house")
     assert hit["pose"]["y"] < -5.3
     back = sim.move(episode.id, 2, [{"x": 0.0, "y": -15.0, "z": 1.5}]).json()
-    assert (back["reached"], back["collided"], back["hit"]) == (True, True, None)
+    assert (back["reached"], back["collided"], back["hit"]) == (True, False, None)
+    assert back["episode"]["collided"]
     sim.move(episode.id, 3, BEFORE_THE_POT)
     verdict = sim.http.post(f"/v1/episodes/{episode.id}/claim").json()
     assert (verdict["right_window"], verdict["delivered"], verdict["collided"]) == (True, False, True)
