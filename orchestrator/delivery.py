@@ -72,12 +72,23 @@ class Run:
     async def fly(self, ports: Ports) -> DeliveryResult:
         """Flies, and completes the record. Cancelling the task ends the flight, not the record."""
         order = self._order
-        mission = Mission(ports, order.settings, self.record)
-        result = await mission.fly(order.request, EpisodeQuestion(scene=order.scene, flight=order.settings.flight))
-        self.record.conclude(result)
         try:
-            await asyncio.shield(asyncio.to_thread(draw_summary, self.record.folder))
+            mission = Mission(ports, order.settings, self.record)
+            result = await mission.fly(order.request, EpisodeQuestion(scene=order.scene, flight=order.settings.flight))
+            self.record.conclude(result)
+            await self._draw()
+            self.record.announce(result)
+        finally:
+            self.record.close()
+        return result
+
+    async def _draw(self) -> None:
+        """The summary picture; a delivery without one is still a delivery."""
+        try:
+            await asyncio.to_thread(draw_summary, self.record.folder)
+        except asyncio.CancelledError:
+            task = asyncio.current_task()
+            if task is not None:
+                task.uncancel()
         except Exception:
             log.exception("the summary picture of %s could not be drawn", self.id)
-        self.record.announce(result)
-        return result

@@ -80,6 +80,7 @@ class Desk:
         heard.append(live)
         self._live[run.id] = live
         live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
+        await asyncio.sleep(0)  # a task that is cancelled before its first step would leave no record
         return live.delivery()
 
     async def _fly(self, live: Live) -> None:
@@ -105,7 +106,7 @@ class Desk:
     def list(self) -> list[Delivery]:
         """The newest first, at most `max_listed`."""
         names = [path.name for path in self._runs.iterdir()] if self._runs.is_dir() else []
-        newest = sorted((n for n in names if DELIVERY_ID.match(n)), reverse=True)[: self._max_listed]
+        newest = sorted((n for n in names if DELIVERY_ID.fullmatch(n)), reverse=True)[: self._max_listed]
         found = [live.delivery() if (live := self._live.get(n)) else read_delivery(self._runs / n) for n in newest]
         return [delivery for delivery in found if delivery is not None]
 
@@ -141,7 +142,7 @@ class Desk:
         folder = self._folder(name)
         if file in FILES:
             path = folder / file
-        elif PICTURE_NAME.match(file):
+        elif PICTURE_NAME.fullmatch(file):
             path = folder / "pictures" / file
         else:
             raise NotFound("a record has no such file")
@@ -158,6 +159,6 @@ class Desk:
             await asyncio.wait(tasks, timeout=10)
 
     def _folder(self, name: str) -> Path:
-        if not DELIVERY_ID.match(name):
+        if not DELIVERY_ID.fullmatch(name):
             raise NotFound("there is no such delivery: ids look like 20250131-120000-1a2b3c")
         return self._runs / name

@@ -20,8 +20,8 @@ from pydantic import ValidationError
 
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, Phase
 
-PICTURE_NAME = re.compile(r"^[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg$")
-DELIVERY_ID = re.compile(r"^[0-9]{8}-[0-9]{6}-[0-9a-f]{6}$")
+PICTURE_NAME = re.compile(r"[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg")
+DELIVERY_ID = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{6}")
 
 
 class Log(Protocol):

@@ -1,0 +1,211 @@
+"""The REST door over real HTTP, with the block world behind it."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+
+from contracts.orchestrator import Delivery, Event
+from orchestrator.app import build_app
+from orchestrator.desk import Desk
+from tests.orchestrator.box_world import Block, BlockWorld, block_ports, block_scene
+
+BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
+REQUEST = "Please come to floor 4, the window with the green flower pot"
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    return tmp_path / "runs"
+
+
+@pytest.fixture
+def door(serve: Callable[..., str], runs: Path) -> Iterator[Callable[..., httpx.Client]]:
+    clients = []
+
+    def make(world: BlockWorld, **options: object) -> httpx.Client:
+        token = options.pop("token", None)
+        app = build_app(Desk(block_ports(world), runs, **options), token=token)
+        clients.append(httpx.Client(base_url=serve(app), timeout=20))
+        return clients[-1]
+
+    yield make
+    for client in clients:
+        client.close()
+
+
+def order(world: BlockWorld, **more: object) -> dict[str, object]:
+    scene = json.loads(block_scene(world.block).model_dump_json())
+    return {"request": REQUEST, "scene": scene, "settings": {"image_size": 120}} | more
+
+
+def events_of(client: httpx.Client, name: str, after: int | None = None) -> list[Event]:
+    headers = {} if after is None else {"Last-Event-ID": str(after)}
+    found = []
+    with client.stream("GET", f"/v1/deliveries/{name}/events", headers=headers) as answer:
+        assert answer.headers["content-type"].startswith("text/event-stream")
+        for line in answer.iter_lines():
+            if line.startswith("data: {") and line != "data: {}":
+                found.append(Event.model_validate_json(line.removeprefix("data: ")))
+    return found
+
+
+def finished(client: httpx.Client, name: str) -> Delivery:
+    events_of(client, name)
+    return Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
+
+
+def test_a_posted_delivery_is_flown_and_can_be_followed_to_its_result(door) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world)
+    answer = client.post("/v1/deliveries", json=order(world))
+    assert answer.status_code == 202
+    name = answer.json()["id"]
+    assert answer.headers["location"] == f"/v1/deliveries/{name}"
+    events = events_of(client, name)
+    assert [e.number for e in events] == list(range(1, len(events) + 1))
+    assert events[-1].kind == "result"
+    done = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
+    assert done.status == "done"
+    assert done.result is not None
+    assert done.result.outcome == "delivered"
+
+
+def test_the_stream_goes_on_after_the_last_event_that_was_heard_live_and_from_the_record(door, runs: Path) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.02)
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    live = events_of(client, name, after=3)
+    assert live[0].number == 4
+    again = events_of(client, name)
+    assert [e.number for e in again] == list(range(1, len(again) + 1))
+    assert events_of(client, name, after=len(again) - 1) == again[-1:]
+    restarted = door(world)
+    assert events_of(restarted, name) == again
+
+
+def test_pictures_that_events_name_are_served_and_nothing_else_of_the_machine(door, runs: Path) -> None:
+    world = BlockWorld()
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    pictures = [p for e in events_of(client, name) for p in e.pictures]
+    assert pictures
+    for picture in pictures:
+        answer = client.get(f"/v1/deliveries/{name}/files/{picture}")
+        assert answer.headers["content-type"] == "image/jpeg"
+        assert answer.content[:2] == b"\xff\xd8"
+    assert client.get(f"/v1/deliveries/{name}/files/summary.png").content[:4] == b"\x89PNG"
+    (runs / "secret.txt").write_text("secret")
+    for evil in ("..%2Fsecret.txt", "%2e%2e%2fsecret.txt", "delivery.json", "0001_view.jpg%00"):
+        answer = client.get(f"/v1/deliveries/{name}/files/{evil}")
+        assert answer.status_code == 404, evil
+        assert "secret" not in answer.text
+    for evil in ("logs", "20250101-000000-zzzzzz", "%2e%2e%2f"):
+        assert client.get(f"/v1/deliveries/{evil}/files/secret.txt").status_code == 404
+
+
+def test_no_more_deliveries_are_taken_than_may_be_under_way(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.2)
+    client = door(world, max_live=1)
+    first = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    second = client.post("/v1/deliveries", json=order(world))
+    assert second.status_code == 429
+    assert second.json()["error"]["code"] == "too_many"
+    assert client.delete(f"/v1/deliveries/{first}").json()["result"]["outcome"] == "cancelled"
+    assert client.post("/v1/deliveries", json=order(world)).status_code == 202
+
+
+def test_a_cancelled_delivery_leaves_a_complete_record_and_no_episode(door, runs: Path) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.1)
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    give_up = time.monotonic() + 10
+    while not world.live and time.monotonic() < give_up:
+        time.sleep(0.01)
+    cancelled = Delivery.model_validate(client.delete(f"/v1/deliveries/{name}").json())
+    assert cancelled.status == "done"
+    assert cancelled.result is not None
+    assert cancelled.result.outcome == "cancelled"
+    assert not world.live
+    assert (runs / name / "result.json").is_file()
+    assert events_of(client, name)[-1].kind == "result"
+    again = client.delete(f"/v1/deliveries/{name}").json()
+    assert again["result"]["outcome"] == "cancelled"
+
+
+def test_deliveries_are_listed_newest_first_and_survive_a_restart(door) -> None:
+    world = BlockWorld()
+    client = door(world)
+    names = []
+    for _ in range(2):
+        names.append(client.post("/v1/deliveries", json=order(world)).json()["id"])
+        finished(client, names[-1])
+    for listing in (client, door(world)):
+        listed = [d["id"] for d in listing.get("/v1/deliveries").json()["deliveries"]]
+        assert sorted(listed) == sorted(names)
+
+
+def test_a_record_that_breaks_off_is_listed_as_failed(door, runs: Path) -> None:
+    world = BlockWorld()
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    finished(client, name)
+    (runs / name / "result.json").unlink()
+    with (runs / name / "events.jsonl").open("a") as file:
+        file.write('{"number": 99, "time')
+    told = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
+    assert told.status == "done"
+    assert told.result is not None
+    assert told.result.outcome == "failed"
+    assert events_of(client, name)[-1].kind == "result"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"scene": None}, "scene"),
+        ({"sample": "no-such-sample"}, "either"),
+        ({"scene": None, "sample": "no-such-sample"}, "no sample"),
+        ({"request": None}, "request"),
+        ({"request": "   "}, "request"),
+        ({"settings": {"max_exploration_steps": 0}}, "max_exploration_steps"),
+        ({"colour": "red"}, "colour"),
+    ],
+)
+def test_a_delivery_that_cannot_be_flown_is_refused_with_a_reason(door, change: dict, said: str) -> None:
+    world = BlockWorld()
+    answer = door(world).post("/v1/deliveries", json=order(world) | change)
+    assert answer.status_code == 422
+    assert said in answer.json()["error"]["message"]
+
+
+def test_an_unknown_delivery_is_a_typed_404(door) -> None:
+    client = door(BlockWorld())
+    for path in ("20250101-000000-abcdef", "20250101-000000-abcdef/events", "nonsense"):
+        answer = client.get(f"/v1/deliveries/{path}")
+        assert answer.status_code == 404
+        assert answer.json()["error"]["code"] == "not_found"
+
+
+def test_a_body_over_the_limit_is_refused(door) -> None:
+    answer = door(BlockWorld()).post("/v1/deliveries", content=b"{" + b" " * (5 * 1024 * 1024))
+    assert answer.status_code == 413
+
+
+def test_a_token_guards_deliveries_and_leaves_health_open(door) -> None:
+    client = door(BlockWorld(), token="hush")
+    assert client.get("/v1/deliveries").status_code == 401
+    assert client.get("/healthz").status_code == 200
+    assert client.get("/v1/deliveries", headers={"Authorization": "Bearer hush"}).status_code == 200
+
+
+def test_the_viewer_is_one_page_that_asks_for_nothing_from_elsewhere(door) -> None:
+    answer = door(BlockWorld()).get("/")
+    assert answer.status_code == 200
+    assert "default-src 'none'" in answer.headers["content-security-policy"]
+    assert "http://" not in answer.text.replace("http://www.w3.org/2000/svg", "")
+    assert "https://" not in answer.text
+    assert '<link rel="stylesheet"' not in answer.text

@@ -1,0 +1,282 @@
+"""Missions in the block world: every way they can end, and what is counted on the way."""
+
+import asyncio
+import itertools
+import math
+
+import pytest
+
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ViewpointSettings
+from contracts.geometry import Box, Point3
+from contracts.orchestrator import DeliveryResult, Event, MissionSettings
+from contracts.scene import FreePlace, Scene, SceneObject
+from contracts.sim import EpisodeQuestion
+from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, Match
+from orchestrator.mission import Mission
+from orchestrator.ports import ModelUnreachable, Ports, ServiceUnreachable
+from tests.orchestrator.box_world import (
+    WHO,
+    Block,
+    BlockVision,
+    BlockWorld,
+    LocalDepthAssist,
+    block_ports,
+    block_scene,
+)
+
+BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
+REQUEST = "Please come to floor 4, the window with the green flower pot"
+
+
+class Events(list[Event]):
+    """A log that keeps events in memory."""
+
+    def write(self, phase, kind, message, data=None, pictures=None):
+        self.append(
+            Event(
+                number=len(self) + 1,
+                time_s=0.0,
+                phase=phase,
+                kind=kind,
+                message=message,
+                data=dict(data or {}),
+                pictures=tuple(pictures or ()),
+            )
+        )
+
+    def of(self, kind: str) -> list[Event]:
+        return [e for e in self if e.kind == kind]
+
+
+async def fly(
+    world: BlockWorld,
+    *,
+    request: str = REQUEST,
+    vision: BlockVision | None = None,
+    log: Events | None = None,
+    scene: Scene | None = None,
+    **settings: object,
+) -> DeliveryResult:
+    mission = Mission(block_ports(world, vision), MissionSettings(**settings), log if log is not None else Events())
+    return await mission.fly(request, EpisodeQuestion(scene=scene or block_scene(world.block)))
+
+
+async def test_a_window_on_the_first_facade_is_delivered_to() -> None:
+    world = BlockWorld()
+    result = await fly(world)
+    assert result.outcome == "delivered"
+    assert (result.floor, result.object) == (4, "green flower pot")
+    assert result.verdict is not None
+    assert result.verdict.distance_m < 3.0
+    assert world.ended == ["e1"]
+
+
+async def test_a_window_on_the_far_side_is_found_by_flying_clockwise_round_the_building() -> None:
+    log = Events()
+    result = await fly(BlockWorld(BEHIND), log=log)
+    assert result.outcome == "delivered"
+    bearings = [math.atan2(e.data["to"]["y"], e.data["to"]["x"]) for e in log.of("move") if e.phase == "explore"]
+    assert all(math.remainder(b - a, math.tau) < 0.05 for a, b in itertools.pairwise(bearings))
+
+
+async def test_with_exact_counts_the_final_height_is_the_middle_of_the_floor() -> None:
+    for floors, wanted in ((6, 4), (6, 1), (12, 11), (20, 14)):
+        result = await fly(BlockWorld(Block(floors=floors)), request=f"floor {wanted}, the green flower pot",
+                           max_exploration_steps=1)  # fmt: skip
+        assert result.final_height_m == pytest.approx((wanted - 0.5) * 3.0, abs=0.05)
+
+
+async def test_direct_count_finds_the_height_from_one_picture_of_the_whole_building() -> None:
+    log = Events()
+    result = await fly(BlockWorld(Block(floors=9)), log=log, floors="direct-count")
+    assert result.outcome == "delivered"
+    assert len(log.of("floor_count")) == 1
+    assert result.final_height_m == pytest.approx(10.5, abs=0.2)
+
+
+async def test_steps_count_stops_with_a_model_query_and_several_queries_at_one_stop_once() -> None:
+    log = Events()
+    result = await fly(BlockWorld(BEHIND), log=log)
+    stops = {tuple(e.data["pose"].values()) for e in log if e.kind in ("floor_count", "building_box", "look")}
+    assert result.steps == len(stops)
+    assert result.exploration_steps == len([e for e in log.of("look") if e.phase == "explore"])
+
+
+async def test_one_observation_of_five_views_serves_each_exploration_step() -> None:
+    log = Events()
+    world = BlockWorld(BEHIND)
+    vision = BlockVision(world)
+    await fly(world, vision=vision, log=log)
+    looks = log.of("look")
+    assert all({"view", "view-90", "view-45", "view+45", "view+90"} <= set(e.pictures) for e in looks)
+    assert vision.asked.count("find_object") == len(looks)
+
+
+@pytest.mark.parametrize(
+    ("request_text", "named"), [("the green flower pot", "no floor"), ("floor 4", "no object"), ("hello", "no floor")]
+)
+async def test_a_request_without_floor_or_object_ends_before_a_drone_is_started(request_text: str, named: str) -> None:
+    world = BlockWorld()
+    result = await fly(world, request=request_text)
+    assert result.outcome == "request_incomplete"
+    assert named in result.message
+    assert not world.live
+    assert not world.ended
+
+
+async def test_a_floor_that_the_building_has_not_got_is_not_found() -> None:
+    world = BlockWorld(Block(floors=6))
+    result = await fly(world, request="floor 9, the green flower pot")
+    assert result.outcome == "floor_not_found"
+    assert "6 floors" in result.message
+    assert world.ended == ["e1"]
+
+
+async def test_an_object_that_is_nowhere_ends_after_the_last_exploration_step() -> None:
+    result = await fly(BlockWorld(Block(thing=(0.0, 500.0, 10.5))), max_exploration_steps=4)
+    assert (result.outcome, result.exploration_steps) == ("object_not_found", 4)
+
+
+async def test_a_scene_that_the_world_refuses_ends_with_the_worlds_own_words() -> None:
+    world = BlockWorld()
+    unicorn = SceneObject(id="u", kind="unicorn", colour="white", place=FreePlace(position=Point3(x=0, y=0, z=0)))
+    scene = block_scene(world.block).model_copy(update={"objects": (unicorn,)})
+    result = await fly(world, scene=scene)
+    assert result.outcome == "failed"
+    assert "no class unicorn" in result.message
+
+
+async def test_a_model_that_cannot_be_reached_ends_the_mission_and_is_counted_apart() -> None:
+    world = BlockWorld()
+    vision = BlockVision(world, {"floor_count": [ModelUnreachable("gateway: model_timeout")]})
+    result = await fly(world, vision=vision)
+    assert result.outcome == "model_unreachable"
+    calls = result.model_calls["floors"]
+    assert (calls.calls, calls.unreachable, calls.unreadable, calls.refused) == (1, 1, 0, 0)
+    assert world.ended == ["e1"]
+
+
+async def test_a_service_that_cannot_be_reached_is_told_from_a_model() -> None:
+    world = BlockWorld()
+    vision = BlockVision(world, {"find_object": [ServiceUnreachable("vlm_gateway: nobody there")]})
+    assert (await fly(world, vision=vision)).outcome == "service_unreachable"
+
+
+async def test_an_unreadable_floor_count_is_asked_again_from_a_different_look_and_then_given_up() -> None:
+    useless = FloorCountAnswer(role="floors", **(WHO | {"outcome": "unreadable"}))
+    world = BlockWorld()
+    log = Events()
+    once = await fly(world, vision=BlockVision(world, {"floor_count": [useless]}), log=log)
+    assert once.outcome == "delivered"
+    assert once.model_calls["floors"].unreadable == 1
+    yaws = [e.data["pose"]["yaw"] for e in log.of("floor_count")]
+    assert yaws[0] != yaws[1]
+    always = await fly(world, vision=BlockVision(world, {"floor_count": [useless] * 9}), max_model_failures=2)
+    assert always.outcome == "answer_unreadable"
+    assert always.model_calls["floors"].unreadable == 3
+
+
+async def test_a_recognition_model_that_only_refuses_is_never_scored_as_no() -> None:
+    refusal = FindObjectAnswer(role="recognition", **(WHO | {"outcome": "refused"}))
+    world = BlockWorld()
+    result = await fly(world, vision=BlockVision(world, {"find_object": [refusal] * 9}), max_model_failures=2)
+    assert result.outcome == "answer_unreadable"
+    assert result.model_calls["recognition"].refused == 3
+
+
+async def test_an_unreadable_choice_falls_back_to_the_centre_and_is_counted() -> None:
+    useless = ChooseDirectionAnswer(role="choice", **(WHO | {"outcome": "unreadable"}))
+    world = BlockWorld(BEHIND)
+    log = Events()
+    result = await fly(world, vision=BlockVision(world, {"choose_direction": [useless]}), log=log)
+    assert result.outcome == "delivered"
+    assert result.model_calls["choice"].unreadable == 1
+    assert log.of("direction")[0].data["label"] == "c"
+    assert "unreadable" in log.of("direction")[0].message
+
+
+async def test_a_choice_that_was_not_offered_is_not_flown() -> None:
+    world = BlockWorld(BEHIND)
+    log = Events()
+    odd = ChooseDirectionAnswer(role="choice", label="e", **WHO)
+    await fly(world, vision=BlockVision(world, {"choose_direction": [odd]}), log=log)
+    first = log.of("direction")[0].data
+    assert first["label"] in first["offered"]
+
+
+async def test_the_centre_ablation_asks_no_choice_model() -> None:
+    world = BlockWorld(BEHIND)
+    result = await fly(world, choice="centre")
+    assert "choice" not in result.model_calls
+    assert result.outcome == "delivered"
+
+
+async def test_the_default_viewpoint_always_takes_the_right_view() -> None:
+    log = Events()
+    await fly(BlockWorld(BEHIND), log=log, viewpoint=ViewpointSettings(policy="default"), max_exploration_steps=4)
+    assert {e.data["heading_deg"] for e in log.of("direction")} == {90}
+
+
+async def test_only_ways_over_the_threshold_are_offered_and_without_one_the_drone_turns_30_degrees_left() -> None:
+    log = Events()
+    await fly(BlockWorld(BEHIND), log=log, min_move_m=11.0, max_exploration_steps=3)
+    turns = [e for e in log.of("turn") if e.phase == "explore"]
+    assert len(turns) == 2
+    for turn in turns:
+        left = math.remainder(turn.data["to"]["yaw"] - turn.data["from"]["yaw"], math.tau)
+        assert left == pytest.approx(math.radians(30), abs=1e-6)
+
+
+async def test_a_match_on_another_floor_or_without_depth_is_rejected() -> None:
+    world = BlockWorld(Block(thing=(0.0, 500.0, 10.5)))
+    low = Box(x_min=0.45, y_min=0.85, x_max=0.55, y_max=0.95)
+    sky = Box(x_min=0.45, y_min=0.01, x_max=0.55, y_max=0.05)
+    matches = (Match(heading_deg=0, box=low), Match(heading_deg=-90, box=sky))
+    said = FindObjectAnswer(role="recognition", found=True, matches=matches, **WHO)
+    log = Events()
+    result = await fly(world, vision=BlockVision(world, {"find_object": [said]}), log=log, max_exploration_steps=1)
+    assert result.outcome == "object_not_found"
+    reasons = [s["rejected"] for s in log.of("look")[0].data["sightings"]]
+    assert "not on the floor" in reasons[0]
+    assert reasons[1] == "no depth in its box"
+
+
+async def test_a_sighting_that_does_not_stand_up_is_dismissed_and_the_search_goes_on() -> None:
+    world = BlockWorld(BEHIND)
+    box = Box(x_min=0.4, y_min=0.45, x_max=0.5, y_max=0.55)
+    phantom = FindObjectAnswer(role="recognition", found=True, matches=(Match(heading_deg=0, box=box),), **WHO)
+    log = Events()
+    result = await fly(world, vision=BlockVision(world, {"find_object": [phantom]}), log=log)
+    assert log.of("lost")
+    assert result.outcome == "delivered"
+
+
+class ThroughTheWall(LocalDepthAssist):
+    """A depth assistant that leads into the building."""
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        inside = Point3(x=0.0, y=0.0, z=question.pose.z)
+        return (await super().approach(question)).model_copy(update={"path": (inside,), "status": "clear"})
+
+
+async def test_a_collision_ends_the_mission_at_once() -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, ThroughTheWall(), world)
+    result = await Mission(ports, MissionSettings(), log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    assert result.outcome == "collision"
+    assert "house" in result.message
+    assert log[-1].data["hit"] == "house"
+    assert world.ended == ["e1"]
+
+
+async def test_cancelling_anywhere_gives_a_result_and_the_episode_back() -> None:
+    for after in (0.0, 0.05, 0.2):
+        world = BlockWorld(BEHIND, slow_s=0.03)
+        task = asyncio.create_task(fly(world))
+        await asyncio.sleep(after)
+        task.cancel()
+        result = await task
+        assert result.outcome == "cancelled"
+        assert not world.live

@@ -1,0 +1,78 @@
+"""The record: append-only, readable after a crash, never half a result."""
+
+from pathlib import Path
+
+import pytest
+
+from contracts.orchestrator import Delivery, DeliveryQuestion, Event
+from orchestrator.delivery import Order, Run
+from orchestrator.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events
+from orchestrator.summary import draw_summary
+from tests.orchestrator.box_world import Block, BlockWorld, block_ports, block_scene
+
+
+def record_in(folder: Path, **options: object) -> Record:
+    delivery = Delivery(
+        id=new_id(), status="waiting", phase="parse", request="r", scene="s", created="now", folder=str(folder)
+    )
+    return Record(folder, delivery, DeliveryQuestion(request="r", sample="s"), **options)
+
+
+def test_events_are_on_disk_before_anybody_hears_of_them(tmp_path: Path) -> None:
+    heard: list[int] = []
+
+    def listen(event: Event) -> None:
+        heard.append(len(read_events(tmp_path / "d")))
+
+    record = record_in(tmp_path / "d", listener=listen)
+    record.write("parse", "phase", "one")
+    record.write("floors", "floor_count", "two", {"floors": 3}, {"view": b"\xff\xd8 not really"})
+    record.close()
+    assert heard == [1, 2]
+    event = read_events(tmp_path / "d")[1]
+    assert event.pictures == ("0002_view.jpg",)
+    assert (tmp_path / "d" / "pictures" / event.pictures[0]).read_bytes() == b"\xff\xd8 not really"
+
+
+def test_a_line_that_a_crash_cut_off_ends_the_events_and_the_delivery_has_failed(tmp_path: Path) -> None:
+    record = record_in(tmp_path / "d")
+    record.write("parse", "phase", "one")
+    record.close()
+    with (tmp_path / "d" / "events.jsonl").open("a") as file:
+        file.write('{"number":2,"time_s":1.0,"pha')
+    assert [e.number for e in read_events(tmp_path / "d")] == [1]
+    delivery = read_delivery(tmp_path / "d")
+    assert delivery is not None
+    assert delivery.result is not None
+    assert delivery.result.outcome == "failed"
+
+
+def test_a_folder_is_never_written_twice(tmp_path: Path) -> None:
+    record_in(tmp_path / "d").close()
+    with pytest.raises(FileExistsError):
+        record_in(tmp_path / "d")
+
+
+def test_ids_and_picture_names_are_safe_in_paths() -> None:
+    assert DELIVERY_ID.fullmatch(new_id())
+    for evil in ("../x", "a/b", "", "20250101-000000-abcdef/..", "20250101-000000-abcdef\n"):
+        assert not DELIVERY_ID.fullmatch(evil), evil
+        assert not PICTURE_NAME.fullmatch(evil), evil
+
+
+async def test_everything_about_a_delivery_can_be_read_from_its_folder_alone(tmp_path: Path) -> None:
+    world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
+    question = DeliveryQuestion(request="floor 4, the green flower pot", scene=block_scene(world.block))
+    run = Run(Order(question), tmp_path)
+    result = await run.fly(block_ports(world))
+    folder = run.record.folder
+    delivery = read_delivery(folder)
+    assert delivery is not None
+    assert delivery.result == result
+    asked = DeliveryQuestion.model_validate_json((folder / "question.json").read_text())
+    assert asked.scene == question.scene
+    assert asked.settings == question.settings
+    named = {p for e in read_events(folder) for p in e.pictures}
+    assert named == {p.name for p in (folder / "pictures").iterdir()}
+    (folder / "summary.png").unlink()
+    assert draw_summary(folder).stat().st_size > 10_000
