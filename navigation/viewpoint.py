@@ -7,13 +7,15 @@ and the right part is facade. Counter-clockwise flight is the mirror image: slic
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 INVALID = 0
 NO_RETURN = 65535
 _ROWS_AT_ONCE = 128
-"""Rows summed in one go: a block of 800 columns stays in the processor's second cache."""
+"""Rows summed in one go: 128 x 65535 is a whole number that a 32-bit float holds exactly, and a block of 800 columns
+stays in the processor's second cache."""
 
 Policy = Literal["paper", "random", "default"]
 Direction = Literal["clockwise", "counterclockwise"]
@@ -91,19 +93,16 @@ def slice_means(
     if width < slices:
         raise ValueError(f"{width} columns can't be cut into {slices} slices")
     limit = min(round(sensor_range_m / metres_per_unit), NO_RETURN)
-    sums = np.zeros(width, np.int64)
+    sums = np.zeros(width, np.float64)
     valid = np.full(width, height, np.int64)
-    # numpy's minimum of two whole arrays is several times faster than that of an array and a number
-    limits = np.full((min(_ROWS_AT_ONCE, height), width), limit, np.uint16)
-    clipped = np.empty_like(limits)
+    # OpenCV sums 16-bit columns more than twice as fast as numpy; blocks keep its 32-bit floats exact
     for start in range(0, height, _ROWS_AT_ONCE):
-        block = cropped[start : start + _ROWS_AT_ONCE]
-        low = np.minimum(block, limits[: len(block)], out=clipped[: len(block)])
-        sums += np.add.reduce(low, axis=0, dtype=np.uint32)
+        low = cv2.threshold(cropped[start : start + _ROWS_AT_ONCE], limit, limit, cv2.THRESH_TRUNC)[1]
+        sums += cv2.reduce(low, 0, cv2.REDUCE_SUM, dtype=cv2.CV_32F)[0]
         if low.min() == INVALID:
             valid -= np.count_nonzero(low == INVALID, axis=0)
     borders = np.rint(np.arange(slices) * (width / slices)).astype(np.intp)
-    totals = np.add.reduceat(sums, borders).astype(np.float64)
+    totals = np.add.reduceat(sums, borders)
     counts = np.add.reduceat(valid, borders)
     means = np.full(slices, np.nan)
     np.divide(totals * metres_per_unit, counts, out=means, where=counts > 0)

@@ -26,6 +26,7 @@ from navigation.camera import DepthView, Place, Pose
 from navigation.target import Box
 from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion
+from service_kit.json_route import JsonRoute
 
 MAX_BODY_BYTES = 64 * 1024 * 1024
 MAX_VIEW_PIXELS = 1600 * 1600
@@ -34,6 +35,7 @@ MAX_VIEW_PIXELS = 1600 * 1600
 def build_app(*, token: str | None = None, max_body_bytes: int = MAX_BODY_BYTES) -> FastAPI:
     """The service. It needs nothing else, so it is ready as soon as it answers."""
     app = create_app("depth_assist", max_body_bytes=max_body_bytes, token=token)
+    app.router.route_class = JsonRoute
 
     @app.post("/v1/viewpoint", response_model=ViewpointAnswer)
     def viewpoint_(question: ViewpointQuestion) -> Response:
