@@ -46,7 +46,8 @@ class Placer:
         self._spec = spec
         self._target = target
         self._neighbours = neighbours
-        self._catalogue = catalogue
+        # by name, so that a catalogue in another order builds the same scene
+        self._catalogue = Catalogue(entries=tuple(sorted(catalogue.entries, key=lambda e: e.kind)))
         self._rng = rng
         self._slots = window_slots(target)
         self._taken: set[Spot] = set()

@@ -64,7 +64,9 @@ def _draw(
     pagoda = building == "cultural" and bool(rng.random() < 0.5)
     footprint = _footprint(building, pagoda, hardness, rng)
     floors = _floors(building, pagoda, rng)
-    entries = [e for e in catalogue.entries if goal_kind in (None, e.kind) and set(e.places) != {"free"}]
+    entries = [
+        e for e in sorted(catalogue.entries, key=_kind_of) if goal_kind in (None, e.kind) and set(e.places) != {"free"}
+    ]
     if not entries:
         raise UnbuildableScene(f"the catalogue has nothing called {goal_kind!r} that stands at a window")
     entry = entries[int(rng.integers(len(entries)))]
@@ -100,6 +102,10 @@ def _draw(
         ),
         start_distance_m=round(float(rng.uniform(8, 10)), 1),
     )
+
+
+def _kind_of(entry: CatalogueEntry) -> str:
+    return entry.kind
 
 
 def _footprint(kind: BuildingKind, pagoda: bool, hardness: Difficulty, rng: np.random.Generator) -> FootprintSpec:

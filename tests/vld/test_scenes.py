@@ -15,7 +15,7 @@ COLOURS = ("red", "green", "blue", "yellow")
 CATALOGUE = Catalogue(
     entries=(
         CatalogueEntry(
-            kind="flower_pot", category="containers", phrase="flower pot", synonyms=("plant pot",), colours=COLOURS,
+            kind="flower_pot", category="containers", phrase="flower pot", synonyms=(), colours=COLOURS,
             places=("sill", "balcony"), size_m=(0.4, 0.4, 0.6),
         ),
         CatalogueEntry(
@@ -27,8 +27,8 @@ CATALOGUE = Catalogue(
             size_m=(0.6, 0.6, 1.0),
         ),
         CatalogueEntry(
-            kind="poster", category="posters", phrase="poster", synonyms=(), colours=("green",), places=("pane", "wall"),
-            size_m=(0.8, 0.02, 1.0),
+            kind="poster", category="posters", phrase="poster", synonyms=(), colours=("green",),
+            places=("pane", "wall"), size_m=(0.8, 0.02, 1.0),
         ),
     )
 )  # fmt: skip
