@@ -17,11 +17,13 @@ _NO_FLOOR_BEFORE = words(
     "apt apartment ap flat unit suite room house code gate order telephone phone ext extension invoice door parcels "
     "at age aged of past half about around for pin bus route lane line item items"
 )
-_PREDICATES = words("has have had owns keeps always never will would is are was tends thinks steals likes loves gets")
+_PREDICATES = words(
+    "has have had does do owns keeps always never will would is are was tends thinks steals likes loves gets"
+)
 _PLACES = lex.ANCHORS | lex.DWELLINGS
 _UP = words("above over higher up")
 _DOWN = words("below under beneath underneath lower down")
-_DISPLAYS = words("says say reads shows display written press push button marked labelled labeled saying")
+_DISPLAYS = words("says say reads shows show display written press push button marked labelled labeled saying")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,8 @@ class _Finder:
         if self._norm(at + 1) in lex.FLOOR_NOUNS:
             self._add(at, at + 2, value, 5.0)
             return 2
+        if self._norm(at + 1) in ("to", "from") and self._norm(at + 3) in ("top", "last") and self._total is None:
+            return 0
         if self._norm(at + 1) in ("to", "from") and self._norm(at + 2) in ("last", "the"):
             return 0
         before = self._norm(at - 1)
@@ -159,6 +163,8 @@ class _Finder:
 
     def _bare_cardinal(self, at: int) -> float:
         """What speaks for a number alone being a floor: "up on twelve", "number 7!", "it says 7 in the lift"."""
+        if self._norm(at) == "one" and not (self._norm(at - 2) == "up" or self._norm(at - 1) == "number"):
+            return 0.0
         before, second, third = self._norm(at - 1), self._norm(at - 2), self._norm(at - 3)
         following = self._tokens[at + 1] if at + 1 < self._size else None
         if following is not None and following.is_word:
@@ -271,7 +277,10 @@ class _Finder:
             width = 2 if self._norm(at + 1) in lex.FLOOR_NOUNS else 1
             self._taken.update(range(at, at + width))
             if self._total:
-                self._add(at, at + width, self._total, 3.0)
+                below = self._tokens[at - 3].value - 1 if self._norm(at - 2) == "from" and at >= 3 else 0
+                ordinal = below > 0 and self._kind(at - 3) is Kind.ORDINAL
+                first = at - 3 if ordinal else at
+                self._add(first, at + width, self._total - (below if ordinal else 0), 3.0)
 
     def _is_base_ahead(self, at: int) -> bool:
         ahead = [self._norm(i) for i in range(at, at + 2)]
@@ -345,6 +354,7 @@ class _Finder:
                     value = base.floor + (token.value if word in ("higher", "above") else -token.value)
                     if 1 <= value <= HIGHEST:
                         self._found.append(FloorMention(at, at + 2 + noun, value, base.score + 3.0))
+                        self._taken.update(range(at, at + 2 + noun))
         self._found.sort(key=lambda m: m.first)
 
     def scored(self) -> Floors:
@@ -362,7 +372,7 @@ class _Finder:
         if scope.negated(self._tokens, mention.first, floor_before):
             score -= 9.0
         shown = bool(set(back) & _DISPLAYS) and mention.score < 4.0
-        if not shown and scope.past(self._tokens, mention.first, floor_before):
+        if not shown and scope.past(self._tokens, mention.first):
             score -= 6.0
         if set(back) & {
             "deliver",
@@ -389,7 +399,7 @@ class _Finder:
             "it",
         }:
             score += 3.0
-        if self._norm(mention.last) in _PREDICATES and owner is not scope.Owner.MINE and not set(back) & _PLACES:
+        if self._norm(mention.last) in _PREDICATES and not set(back) & (_PLACES | words("i we us me")):
             score -= 3.0
         between = {t.norm for t in self._tokens[mention.last : following]}
         if following < self._size and following - mention.last < 20 and between & {"but", "however", "though"}:

@@ -51,36 +51,36 @@ AUXILIARIES = words(
 )
 VERBS = words(
     "displaying displays features featuring featured bearing boasts boasting carrying holding wearing catches "
-    "guarding accept accepts act add ask asks asked await awaits bark bear beware bet bless block boo bother "
-    "bothers bought break bring brings brought call calls called came cancel cancelled care carry catch change "
-    "changed check checked choose chose climb close come comes coming confirm confuse confused consider continue "
-    "cost costs count counted covers decided deliver delivers delivered delivering descend die disregard dodge drop "
-    "drops dropped dropping eat enjoy ensure enter excuse expect expects expecting explain fall falls feel fell "
-    "figure find finds finding fit fits flew float floats flies fly flying follow follows forget forgot found gave "
-    "get gets getting give gives go goes going gone guess guessed guard guards guides guide hand handed handing "
-    "hang hangs hung happen happens hate hear heard heading help helps hid hide hold holds hope hoping hover hurry "
-    "identifies identify ignore indicates insist insists joined keep keeps kept knock know knows known land lands "
-    "leads lean leans learn learned leave leaves leaving left lets lie lies lift liked likes listen lived live "
-    "lives living look looks looking lose lost love loved loves made make makes making marks mean means meant meet "
-    "mention mentioned mind miss missed mistake mix moved move moving must need needs needed notice noticed occupy "
-    "offer open opens order ordered owe owns own paid pardon pass pay pick picked placed place places please plant "
-    "planted play point points press promise proceed prove put puts putting raise reach reached read realised "
-    "realized receive recognise recognize refer relocated remain remains remember remind rent request requested "
-    "rescue rest rests return ring ripped route said sat save saw say saying says scare see seem seems seen select "
-    "sell send sending sends sent serves serve set sets settle shine shines shout show shows showed shown sit sits "
-    "sitting skip sleep sleeping smile smiles speak speed spend spot spots spotted stand stands standing stare stay "
-    "stays stick sticks stood stop stops stopped stuck suit suits swear swap take takes taken taking talk tap tell "
-    "tells thank thanked think thinks thought throw tied told took touch travel tried trouble trust try trying turn "
-    "turned use used using visit wait waiting waits walk want wanted wants warn watch watches wave waves went wish "
-    "wonder wondering work works working worry write writing wrote written appreciate belong belongs bothering "
-    "distinguishes decorates welcomes greets adorns faces faced hits reads peeking peeks dangles dangling flutters "
-    "swings sways lights glows appears sings"
+    "guarding arrive arrives arrived crash crashes notices sees marked accept accepts act add ask asks asked await "
+    "awaits bark bear beware bet bless block boo bother bothers bought break bring brings brought call calls called "
+    "came cancel cancelled care carry catch change changed check checked choose chose climb close come comes coming "
+    "confirm confuse confused consider continue cost costs count counted covers decided deliver delivers delivered "
+    "delivering descend die disregard dodge drop drops dropped dropping eat enjoy ensure enter excuse expect "
+    "expects expecting explain fall falls feel fell figure find finds finding fit fits flew float floats flies fly "
+    "flying follow follows forget forgot found gave get gets getting give gives go goes going gone guess guessed "
+    "guard guards guides guide hand handed handing hang hangs hung happen happens hate hear heard heading help "
+    "helps hid hide hold holds hope hoping hover hurry identifies identify ignore indicates insist insists joined "
+    "keep keeps kept knock know knows known land lands leads lean leans learn learned leave leaves leaving left "
+    "lets lie lies lift liked likes listen lived live lives living look looks looking lose lost love loved loves "
+    "made make makes making marks mean means meant meet mention mentioned mind miss missed mistake mix moved move "
+    "moving must need needs needed notice noticed occupy offer open opens order ordered owe owns own paid pardon "
+    "pass pay pick picked placed place places please plant planted play point points press promise proceed prove "
+    "put puts putting raise reach reached read realised realized receive recognise recognize refer relocated remain "
+    "remains remember remind rent request requested rescue rest rests return ring ripped route said sat save saw "
+    "say saying says scare see seem seems seen select sell send sending sends sent serves serve set sets settle "
+    "shine shines shout show shows showed shown sit sits sitting skip sleep sleeping smile smiles speak speed spend "
+    "spot spots spotted stand stands standing stare stay stays stick sticks stood stop stops stopped stuck suit "
+    "suits swear swap take takes taken taking talk tap tell tells thank thanked think thinks thought throw tied "
+    "told took touch travel tried trouble trust try trying turn turned use used using visit wait waiting waits walk "
+    "want wanted wants warn watch watches wave waves went wish wonder wondering work works working worry write "
+    "writing wrote written appreciate belong belongs bothering distinguishes decorates welcomes greets adorns faces "
+    "faced hits reads peeking peeks dangles dangling flutters swings sways lights glows appears sings"
 )
 NOUN_OR_VERB = words(
     "bear plant saw watch stand ring swing float stick drill can light lights wave block guard drop set post rest "
-    "match fan play fly bar guide hand hold lock clip sink stamp top well stands press break catch skip pass stock "
-    "like past bit lead wreck fall hook bell nest trap pump mine square round still stool glow scale scales stop "
-    "lift love second"
+    "match fan play fly bar guide hand hold lock clip sink stamp top well press break catch skip pass stock like "
+    "past bit lead wreck fall hook bell nest trap pump mine square round still stool glow scale scales stop lift "
+    "love second"
 )
 """Inside a noun phrase these are nouns ("teddy bear", "hand saw"), elsewhere they are not."""
 
@@ -95,21 +95,21 @@ EVALUATIVE = words(
 """Opinions in front of an object; they are no part of what a camera can see."""
 
 ADVERBS = words(
-    "very really quite just only still already again always never ever often sometimes soon now today tomorrow "
-    "tonight yesterday later early earlier late ago once twice perhaps maybe please pls plz kindly exactly right "
-    "straight away back ahead along apart together well even almost nearly though anyway anyways btw lol haha hihi "
-    "hehe ok okay kay alright yeah yes yep yup yay no nope nah thanks thank thx ty cheers ta bye hello hi hey hiya "
-    "hiii hii yo hullo dear oh ah um uh er erm hmm mm eh sorry wow omg asap rn tho pretty rather enough too hence "
-    "thus therefore otherwise clearly visible obvious facing upstairs downstairs indoors outdoors there here "
-    "everywhere somewhere anywhere nowhere else first second third lastly finally firstly secondly overhead "
-    "sideways upright alone correct wrong sure true false fine hard easy careful carefully quick fast slow slowly "
-    "quickly nice good great bad happy glad able ready available vacant due outstanding impossible unmissable "
-    "unmistakable nowadays anymore likewise same different actually basically literally honestly obviously "
-    "seriously currently previously formerly originally recently permanently temporarily definitely certainly "
-    "probably possibly simply directly immediately gently safely mainly particularly especially roughly "
-    "approximately partly mostly i.e e.g etc vs lest mate darling love buddy pal friend sir madam dude bro captain "
-    "sweetheart honey hun kiddo hurrah hooray cool awesome super ha aha ooh phew whoops oops oopsie ugh yikes hm "
-    "welp innit k u ur r ya yea yeh ye thru"
+    "higher lower further farther closer bigger sooner very really quite just only still already again always never "
+    "ever often sometimes soon now today tomorrow tonight yesterday later early earlier late ago once twice perhaps "
+    "maybe please pls plz kindly exactly right straight away back ahead along apart together well even almost "
+    "nearly though anyway anyways btw lol haha hihi hehe ok okay kay alright yeah yes yep yup yay no nope nah "
+    "thanks thank thx ty cheers ta bye hello hi hey hiya hiii hii yo hullo dear oh ah um uh er erm hmm mm eh sorry "
+    "wow omg asap rn tho pretty rather enough too hence thus therefore otherwise clearly visible obvious facing "
+    "upstairs downstairs indoors outdoors there here everywhere somewhere anywhere nowhere else first second third "
+    "lastly finally firstly secondly overhead sideways upright alone correct wrong sure true false fine hard easy "
+    "careful carefully quick fast slow slowly quickly nice good great bad happy glad able ready available vacant "
+    "due outstanding impossible unmissable unmistakable nowadays anymore likewise same different actually basically "
+    "literally honestly obviously seriously currently previously formerly originally recently permanently "
+    "temporarily definitely certainly probably possibly simply directly immediately gently safely mainly "
+    "particularly especially roughly approximately partly mostly i.e e.g etc vs lest mate darling love buddy pal "
+    "friend sir madam dude bro captain sweetheart honey hun kiddo hurrah hooray cool awesome super ha aha ooh phew "
+    "whoops oops oopsie ugh yikes hm welp innit k u ur r ya yea yeh ye thru"
 )
 NUMBERISH = words("number numbers no. nr num #")
 TIMES = words(
@@ -122,14 +122,14 @@ TIMES = words(
 PEOPLE = words(
     "neighbour neighbours neighbor neighbors neighbouring neighboring tenant tenants roommate flatmate roommates "
     "flatmates lady ladies guy guys man men woman women people person persons folk folks couple family families "
-    "landlord landlady mr mrs ms miss dr owner owners resident residents occupant occupants lad lads bloke student "
+    "landlord landlady mr mrs ms dr owner owners resident residents occupant occupants lad lads bloke student "
     "students stranger strangers colleague colleagues competitor competitors"
 )
 KIN = words(
     "mum mom mummy mommy mam ma dad daddy papa mama father mother brother sister son daughter wife husband grandma "
     "grandpa granny gran nan nana grandfather grandmother grandson granddaughter aunt auntie uncle cousin boyfriend "
     "girlfriend partner kid kids child children baby boy girl friend friends nurse doctor carer teacher boss widow "
-    "widower twin nephew niece dog cat"
+    "widower twin nephew niece"
 )
 PARCEL_NOUNS = words(
     "parcel parcels package packages delivery deliveries order orders shipment shipments item items goods stuff box "
@@ -138,6 +138,16 @@ PARCEL_NOUNS = words(
     "phone documents paperwork contract contracts toner cartridge cartridges nappies diapers formula contents"
 )
 """What requests usually order; only lowers a phrase's standing, since a box or a gift may mark a window too."""
+
+SOFT_NOUNS = words(
+    "bell machine head train bus plane ring robot wall door doors sign signal beacon mark marker phone telephone "
+    "battery button heart hand hands face nose eye case screen board panel clue box item items present gift letter "
+    "book laptop thing note lights meter number corner tip kit record drone roof desk keyboard code house castle "
+    "tower elephant lot pair stall ticket mail post cartridge food cake doorbell intercom top reference kingdom "
+    "wheel form forms picture point drones robots wheelchair map bay office message storm sun wind life world air "
+    "sky total tool city town village job story joke love taxi"
+)
+"""Nouns that name a mark only together with another word: "brass bell", "sewing machine"."""
 
 NON_OBJECTS = (
     TIMES
@@ -150,7 +160,7 @@ NON_OBJECTS = (
         "lesson record criminal kingdom train bus flight plane taxi ride client hamster pigeon building buildings "
         "block blocks tower towers street road lane avenue lift lifts elevator elevators stairs staircase stairwell "
         "entrance lobby corridor hallway desk reception buzzer doorbell intercom code gate gates parking city town "
-        "country village world weather rain snow sun wind storm drone drones robot machine machines operator pilot "
+        "country village world weather rain snow sun wind storm drone drones machine machines operator pilot "
         "courier driver customer customers service app message text call email phone telephone number numbers name "
         "names address rent price money pounds dollars bucks euros invoice reference contact instructions "
         "instruction directions direction note notes favour favor problem trouble matter nuisance mistake confusion "

@@ -9,14 +9,14 @@ from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.phrases import Phrase
 from services.llm_parser.rules.tokens import Kind, Token
 
-THRESHOLD = 1.0
+THRESHOLD = 0.7
 """A phrase for which less speaks than this is not taken: a missing object is said, not guessed."""
 
 _LOOK = words(
     "look looking see spot find search searching recognise recognize identify notice identifiable identified marked "
     "marks marker mark landmark reference watch seek spotting finding lookout recognisable recognizable marking "
-    "flagged distinguished beacon mentioned sign spots clue hint cue seeing locate locating follow visual "
-    "identifier id indicator"
+    "flagged distinguished beacon notices sees mentioned sign spots clue hint cue seeing locate locating follow "
+    "visual identifier id indicator"
 )
 _STAND = words("is are hangs stands sits hang stand sit lies hanging standing sitting lives")
 _NEAR = words(
@@ -37,6 +37,7 @@ _HAVE = words(
     "has have having got with 's shows displays displaying features featuring bearing sports bears carries boasts "
     "showing holds wearing"
 )
+_BREAKS = (Kind.STOP, Kind.SYMBOL)
 _PLACES = lex.ANCHORS | lex.DWELLINGS
 
 
@@ -57,12 +58,25 @@ def choose_object(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
         good = [replace(s, score=s.score + s.doubt) for s in scored if s.score + s.doubt >= THRESHOLD + 1.0]
     if not good:
         return None
-    return max(good, key=lambda s: s.score).phrase
+    best = max(good, key=lambda s: s.score).phrase
+    return _fullest(tokens, best, scored)
+
+
+def _fullest(tokens: list[Token], best: Phrase, scored: list[ScoredPhrase]) -> Phrase:
+    """The same thing by its longer name, where the request has one: "a brass lantern ... the lantern hangs ..."."""
+    same = [
+        s.phrase
+        for s in scored
+        if s.score > -3.0
+        and tokens[s.phrase.head].norm == tokens[best.head].norm
+        and set(s.phrase.words) > set(best.words)
+    ]
+    return max(same, key=lambda p: len(p.words)) if same and best.determiner not in ("a", "an") else best
 
 
 def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -> list[ScoredPhrase]:
     """Every phrase that names a thing, with its score."""
-    things = [p for p in phrases if tokens[p.head].norm not in lex.NON_OBJECTS or _measures(tokens, p)]
+    things = [p for p in phrases if _names_thing(tokens, p)]
     ordinal_choice = _mine_is_the(tokens)
     scored = [_score(tokens, things, i, taken) for i in range(len(things))]
     if ordinal_choice is not None:
@@ -71,6 +85,15 @@ def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
             wanted = marked[ordinal_choice if ordinal_choice < 0 else min(ordinal_choice, len(marked) - 1)]
             scored[wanted] = replace(scored[wanted], score=scored[wanted].score + 12.0)
     return scored
+
+
+def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
+    head = tokens[phrase.head].norm
+    if head not in lex.NON_OBJECTS:
+        return True
+    if head in lex.SOFT_NOUNS and phrase.head > phrase.first:
+        return tokens[phrase.first].norm not in lex.FLOOR_NOUNS | lex.NON_OBJECTS
+    return _measures(tokens, phrase)
 
 
 def _measures(tokens: list[Token], phrase: Phrase) -> bool:
@@ -122,7 +145,7 @@ def _score(tokens: list[Token], things: list[Phrase], index: int, taken: Set[int
         score += 0.5
     if scope.negated(tokens, phrase.lead, before_limit):
         score -= 10.0
-    if scope.past(tokens, phrase.lead, before_limit):
+    if scope.past(tokens, phrase.lead, was_within=1):
         score -= 5.0
     text = scope.after(tokens, phrase.last, after_limit)
     if scope.denied_after(text) or _not_about_mine(text):
@@ -153,7 +176,10 @@ def _own_worth(tokens: list[Token], phrase: Phrase) -> float:
         worth -= 4.0
     if head in lex.KIN or head in lex.PEOPLE:
         worth -= 4.0 if words & lex.ATTRIBUTES else 7.0
-    if len(words) == 1 and tokens[phrase.head].raw[:1].isupper() and not phrase.determiner:
+    if head in lex.SOFT_NOUNS:
+        worth -= 0.5
+    proper = tokens[phrase.head].raw[:1].isupper() and not tokens[phrase.head].raw.isupper()
+    if len(words) == 1 and proper and not phrase.determiner and phrase.lead and tokens[phrase.lead - 1].is_word:
         worth -= 1.5
     if phrase.determiner in ("no", "any", "every", "each", "another"):
         worth -= 2.0
@@ -197,18 +223,20 @@ def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     ):
         score += 3.0
     elif first in ("is", "be", "are", "'s") and second not in ("there",):
-        score -= 1.0 if second in ("it", "that", "this") else 1.5
+        score -= 0.25 if second in ("it", "that", "this") else 0.5
     if first in _NEAR or (
         first in ("to", "of", "from") and second in ("next", "close", "adjacent", "front", "left", "right", "side")
     ):
         score += 3.0
         if set(back[1:6]) & lex.ANCHORS:
             score += 1.0
+    if near & {"outside", "visible"} and first not in ("at", "on", "in"):
+        score += 1.0
     if first in ("still", "mentioned"):
         score += 1.5
     if first == "where" and back[1:2] != ["is"]:
         score += 2.5
-    if set(back[:3]) & _PUT_OUT and set(back[1:5]) & _SELF:
+    if set(back[:3]) & (_PUT_OUT - _HAVE) and set(back[1:5]) & _SELF:
         score += 3.0
     if first in ("at", "on", "in", "to", "for", "into", "from", "about", "until") and not near & _LOOK:
         score -= 1.5 if first != "at" else 0.0
@@ -219,8 +247,8 @@ def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
 def _fragment(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> float:
     """A phrase that is a clause by itself: "The bicycle wheel." or "5th floor, bicycle wheel, thanks"."""
     before, behind = phrase.lead - 1, phrase.last
-    opens = before < 0 or not tokens[before].is_word or before in taken
-    closes = behind >= len(tokens) or not tokens[behind].is_word or behind in taken
+    opens = before < 0 or tokens[before].kind in _BREAKS or before in taken
+    closes = behind >= len(tokens) or tokens[behind].kind in _BREAKS or behind in taken
     return 1.25 if opens and closes else 0.0
 
 
@@ -274,11 +302,16 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         if tokens[at].kind is Kind.STOP:
             break
         ahead.append(tokens[at].norm)
+    if ahead[:1] == [","]:
+        del ahead[0]
     if not ahead:
-        return 0.0
+        return _said_after_it(tokens, phrase)
     first = ahead[0]
     near = set(ahead[:6])
-    score = 0.0
+    score = _said_after_it(tokens, phrase)
+    if first in ("that", "which") and len(ahead) > 2 and ahead[1] not in ("i", "you", "he", "she", "they"):
+        if near & lex.ANCHORS or near & {"outside", "hangs", "stands", "sits"}:
+            score += 2.0
     if first in _AT or (
         first in ("hanging", "standing", "sitting", "right", "displayed", "placed", "just", "there", "leaning")
     ):
@@ -303,6 +336,19 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     if first == "is" and len(ahead) > 2 and ahead[1] == "for":
         score -= 3.0
     return score
+
+
+def _said_after_it(tokens: list[Token], phrase: Phrase) -> float:
+    """ "... a cactus! It's sitting in my window": the next sentence places the thing at the window."""
+    at = phrase.last
+    while at < len(tokens) and tokens[at].kind is not Kind.STOP:
+        at += 1
+    if at - phrase.last > 12:
+        return 0.0
+    rest = [t.norm for t in tokens[at + 1 : at + 14] if t.sentence == tokens[phrase.last - 1].sentence + 1]
+    if rest[:1] == ["it"] and set(rest) & lex.ANCHORS and set(rest) & lex.MY:
+        return 2.0
+    return 0.0
 
 
 def _possessor(tokens: list[Token], phrase: Phrase) -> scope.Owner:

@@ -68,14 +68,17 @@ class _Chunker:
         while self._is_opinion(at) and self._belongs(at + 1, True, False):
             at += 1
             determiner = determiner or "-"
-        if at == lead and not self._belongs(at, self._is_labelled(at), False):
+        labelled = self._is_labelled(at)
+        if at == lead and not self._belongs(at, labelled, False) and not self._is_count(at):
             return None
         first = at
         if self._is_count(at):
             at += 1
         nouns_from = at
-        at = self._run(at, bool(determiner) or at > first)
-        if at == nouns_from:
+        at = self._run(at, labelled or bool(determiner) or at > first)
+        if at == nouns_from or (not determiner and at == first + 1 and self._is_participle(first)):
+            return None
+        if not determiner and all(self._norm(i) in lex.ATTRIBUTES or self._norm(i) == "and" for i in range(first, at)):
             return None
         head = at - 1
         if self._norm(at) == "'s" and self._belongs(at + 1, True, False):
@@ -91,7 +94,21 @@ class _Chunker:
 
     def _is_verb_form(self, at: int) -> bool:
         """ "we are painting": no thing."""
-        return self._norm(at).endswith("ing") and self._norm(at - 1) in ("is", "are", "am", "was", "were", "be", "been")
+        return self._norm(at).endswith(("ing", "ed")) and self._norm(at - 1) in (
+            "is",
+            "are",
+            "am",
+            "was",
+            "were",
+            "be",
+            "been",
+        )
+
+    def _is_participle(self, at: int) -> bool:
+        word = self._norm(at)
+        return (word.endswith("ing") and word not in lex.ING_NOUNS) or (
+            word.endswith("ed") and word not in lex.ED_WORDS
+        )
 
     def _is_labelled(self, at: int) -> bool:
         """Behind a label ("Mark: hand saw") a word that is noun or verb is a noun if it goes on like one."""

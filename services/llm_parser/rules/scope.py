@@ -104,6 +104,8 @@ def negated(tokens: list[Token], at: int, floor: int = 0) -> bool:
             return word != "no" or tokens[at - 1].norm == "no"
         if word in ("not", "don't", "never") and not direct:
             between = {tokens[i].norm for i in range(back + 1, at)}
+            if tokens[back + 1].norm == "be" and between & {"by", "with", "into"}:
+                return True
             if between & _DONT_VERBS and not between & {"miss", "forget", "hesitate"}:
                 return True
             return False
@@ -134,12 +136,14 @@ _ONCE_STATED = words("former formerly previous previously originally")
 _NOW_WORDS = words("now currently today nowadays is are am but however")
 
 
-def past(tokens: list[Token], at: int, floor: int = 0) -> bool:
-    """Does the clause before token `at` speak of what was: "moved from ...", "it used to be ...", "former ..."?"""
+def past(tokens: list[Token], at: int, was_within: int = 3) -> bool:
+    """Does the clause before token `at` speak of what was: "moved from ...", "it used to be ...", "former ..."?
+
+    "was" counts only among the last `was_within` words."""
     sentence = tokens[at].sentence
     depth = 0
     same_clause = True
-    for back in range(at - 1, max(floor, at - 24) - 1, -1):
+    for back in range(at - 1, max(0, at - 36) - 1, -1):
         token = tokens[back]
         word = token.norm
         if token.sentence != sentence or token.kind is Kind.STOP:
@@ -165,7 +169,7 @@ def past(tokens: list[Token], at: int, floor: int = 0) -> bool:
             return True
         if word == "before" and (back == 0 or not tokens[back - 1].is_word or following in ("i", "we", "it", "this")):
             return True
-        if word in ("was", "were", "had") and at - back > 3:
+        if word in ("was", "were", "had") and at - back > was_within:
             continue
         if word == "had" and back and tokens[back - 1].norm == "have":
             return False
@@ -264,6 +268,13 @@ _DENIALS = (
     "that is the other",
     "is the other",
     "stay away",
+    "outdated",
+    "out of date",
+    "incorrect",
+    "not true",
+    "not right",
+    "not correct",
+    "is old",
     "not try there",
     "not of",
     "used to be",
@@ -288,6 +299,12 @@ _CONFIRMATIONS = (
     "is us",
     "is my landmark",
     "is right",
+    "you have reached",
+    "you have found",
+    "you are at my",
+    "you are at our",
+    "right place",
+    "right window",
     "will be me",
     "gives me away",
     "that one is mine",
