@@ -39,14 +39,24 @@ def bin_index(rgb: Picture) -> NDArray[np.uint16]:
     return np.asarray((r << (2 * BITS)) | (g << BITS) | b, np.uint16)
 
 
-def likeness(index: NDArray[np.uint16], table: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W) 0..255: how likely each pixel is of the table's colour, common colours of this picture left out.
+class Coded(NamedTuple):
+    """A picture's colours: the table's row of each pixel (H, W), and which rows are common in this picture (BINS,)."""
 
-    index: (H, W) from `bin_index`; table: (BINS,).
+    rows: NDArray[np.uint16]
+    common: NDArray[np.bool_]
+
+
+def coded(rgb: Picture) -> Coded:
+    index = bin_index(rgb)
+    return Coded(index, np.bincount(index.ravel(), minlength=BINS) > COMMON_SHARE * index.size)
+
+
+def likeness(picture: Coded, table: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(H, W) 0..255: how likely each pixel is of the table's colour, what is common in the picture left out.
+
+    table: (BINS,).
     """
-    counts = np.bincount(index.ravel(), minlength=BINS)
-    own = np.where(counts > COMMON_SHARE * index.size, 0, table).astype(np.uint8)
-    return np.asarray(own[index], np.uint8)
+    return np.take(np.where(picture.common, np.uint8(0), table), picture.rows)
 
 
 def patches(like: NDArray[np.uint8]) -> list[Patch]:

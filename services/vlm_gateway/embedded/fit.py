@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from contracts.labelled import LABELS_FILE, LabelledView
 from contracts.sim import Catalogue, VisibleObject
 from services.vlm_gateway.embedded.bands import BANDS, column_bands, peaks, row_bands, small
-from services.vlm_gateway.embedded.colours import BINS, BITS, Patch, bin_index, likeness, patches
+from services.vlm_gateway.embedded.colours import BINS, BITS, Patch, bin_index, coded, likeness, patches
 from services.vlm_gateway.embedded.describe import describe
 from services.vlm_gateway.embedded.model import FOLDER, ROW_APART, nominal
 from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
@@ -33,8 +33,18 @@ _WRONG_CLAIMS = 0.004
 
 
 class Shown(NamedTuple):
-    rgb: Picture
+    """A labelled picture, read when it is looked at: thousands would not fit into memory."""
+
+    path: Path
     label: LabelledView
+
+    @property
+    def rgb(self) -> Picture:
+        """Raises FileNotFoundError."""
+        bgr = cv2.imread(str(self.path))
+        if bgr is None:
+            raise FileNotFoundError(self.path)
+        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 class Task(NamedTuple):
@@ -49,10 +59,7 @@ def pictures(folders: list[Path]) -> Iterator[Shown]:
     for folder in folders:
         for line in (folder / LABELS_FILE).read_text(encoding="utf-8").splitlines():
             label = LabelledView.model_validate_json(line)
-            bgr = cv2.imread(str(folder / label.picture))
-            if bgr is None:
-                raise FileNotFoundError(folder / label.picture)
-            yield Shown(np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8), label)
+            yield Shown(folder / label.picture, label)
 
 
 def kept_back(label: LabelledView) -> bool:
@@ -104,10 +111,12 @@ def band_tasks(shown: list[Shown]) -> tuple[Task, Task]:
     rows_x, rows_y, columns_x, columns_y = [], [], [], []
     held: list[bool] = []
     middles = (np.arange(BANDS) + 0.5) / BANDS
-    for rgb, label in shown:
+    for one in shown:
+        label = one.label
         if not label.frontal:
             continue
-        for picture in (small(rgb), np.ascontiguousarray(small(rgb)[:, ::-1])):
+        seen = small(one.rgb)
+        for picture in (seen, np.ascontiguousarray(seen[:, ::-1])):
             box = label.truth.building_box
             flipped = len(held) % 2 == 1
             heat = np.zeros(BANDS, np.float32)
@@ -149,10 +158,11 @@ def colour_tables(shown: list[Shown], colours: tuple[str, ...]) -> NDArray[np.ui
     """(colours, BINS) 0..255: likeness of each pixel colour to each name, counted inside and outside the boxes."""
     inside = np.zeros((len(colours), BINS))
     outside = np.zeros(BINS)
-    for rgb, label in shown:
+    for one in shown:
+        label = one.label
         if kept_back(label):
             continue
-        index = bin_index(nominal(rgb))
+        index = bin_index(nominal(one.rgb))
         free = np.ones(index.shape, bool)
         for thing in label.truth.objects:
             x0, y0, x1, y1 = _pixels(thing, index.shape[0])
@@ -179,14 +189,15 @@ def patch_task(shown: list[Shown], tables: NDArray[np.uint8], words: Vocabulary,
     """Every patch of the colours that a picture's things have and of one more colour: its class, the last for none."""
     rng = np.random.default_rng(seed)
     xs, ys, held = [], [], []
-    for rgb, label in shown:
-        picture = nominal(rgb)
-        index = bin_index(picture)
+    for one in shown:
+        label = one.label
+        picture = nominal(one.rgb)
+        code = coded(picture)
         present = {t.colour for t in label.truth.objects if t.colour in words.colours}
         asked = sorted(present | {str(rng.choice(words.colours))})
         for colour in asked:
             number = words.colours.index(colour)
-            like = likeness(index, tables[number])
+            like = likeness(code, tables[number])
             found = patches(like)
             kinds = [class_of(p, label.truth.objects, colour, words, picture.shape[0]) for p in found]
             keep = [i for i, k in enumerate(kinds) if k is not None]

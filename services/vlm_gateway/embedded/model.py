@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from contracts.geometry import Box, PointLabel
 from services.vlm_gateway.embedded.bands import BANDS, column_bands, longest_run, peaks, row_bands, small
-from services.vlm_gateway.embedded.colours import Patch, bin_index, likeness, patches
+from services.vlm_gateway.embedded.colours import Coded, Patch, coded, likeness, patches
 from services.vlm_gateway.embedded.describe import describe
 from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
 from services.vlm_gateway.embedded.words import OutOfVocabulary, Vocabulary
@@ -104,7 +104,12 @@ class EmbeddedModel:
         kinds = [self._vocabulary.kinds.index(k) for k in wanted.kinds]
         possible = dict.fromkeys(c for k in wanted.kinds for c in self._vocabulary.colours_of[k])
         colours = [wanted.colour] if wanted.colour else list(possible)
-        seen = [s for i, rgb in enumerate(views) for c in colours for s in self._look(i, rgb, c, kinds)]
+        seen: list[Sighting] = []
+        for i, rgb in enumerate(views):
+            picture = nominal(rgb)
+            code = coded(picture)
+            for colour in colours:
+                seen += self._look(i, picture, code, colour, kinds)
         return sorted(seen, key=lambda s: -s.confidence)
 
     def choose_direction(self, rgb: Picture, points: Sequence[MarkedPlace]) -> PointLabel:
@@ -113,10 +118,9 @@ class EmbeddedModel:
         longest = max(p.distance_m for p in points)
         return max((p for p in points if p.distance_m >= FAR_ENOUGH * longest), key=lambda p: p.x).label
 
-    def _look(self, view: int, rgb: Picture, colour: str, kinds: list[int]) -> list[Sighting]:
-        picture = nominal(rgb)
+    def _look(self, view: int, picture: Picture, code: Coded, colour: str, kinds: list[int]) -> list[Sighting]:
         number = self._vocabulary.colours.index(colour)
-        like = likeness(bin_index(picture), self._tables[number])
+        like = likeness(code, self._tables[number])
         found = patches(like)
         rows = describe(picture, like, found, number, len(self._vocabulary.colours))
         scores = softmax(self._classes.logits(rows))[:, kinds].sum(axis=1)
