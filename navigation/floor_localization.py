@@ -9,6 +9,9 @@ camera's height in band i and eq. 3's result for the final height, as a literal 
 import math
 from typing import Literal, NamedTuple
 
+_COUNT_TOLERANCE = 1e-6
+"""Counts with fractions don't add up to whole floors exactly."""
+
 Reading = Literal["upper_edge", "camera_height"]
 
 
@@ -105,7 +108,7 @@ def decide(
     if facade_top_m is not None and facade_top_m <= here.lower_m and floors_new > 0:
         facade_top_m = None  # floors were seen where depth shows no wall: the count is what there is to go by
     upper = here.upper_m if facade_top_m is None else min(here.upper_m, facade_top_m)
-    if floors_new > 0 and current >= target_floor:
+    if floors_new > 0 and current >= target_floor - _COUNT_TOLERANCE:
         return FinalHeight(*_final(here, upper, current, floors_new, target_floor, settings), current)
     if facade_top_m is not None and facade_top_m <= here.upper_m:
         floor_height = facade_top_m / current if current > 0 else None

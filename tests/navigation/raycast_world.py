@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ def units(depth_m: Depth, metres_per_unit: float = 0.002) -> NDArray[np.uint16]:
 def winding_deg(places: Sequence[tuple[float, float]], about: tuple[float, float]) -> float:
     """How far a track turns about a point, positive clockwise."""
     angles = [math.atan2(y - about[1], x - about[0]) for x, y in places]
-    return -math.degrees(sum(math.remainder(b - a, math.tau) for a, b in zip(angles, angles[1:], strict=False)))
+    return -math.degrees(sum(math.remainder(b - a, math.tau) for a, b in pairwise(angles)))
 
 
 def _ray_to_segment(

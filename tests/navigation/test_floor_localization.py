@@ -1,0 +1,177 @@
+"""Eq. 3 by hand: bands, decisions, both readings."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from navigation.floor_localization import (
+    Band,
+    Climb,
+    FinalHeight,
+    FloorNotFound,
+    Recount,
+    Settings,
+    band,
+    band_span_m,
+    decide,
+    direct_count,
+    row_height_m,
+)
+
+UPPER = Settings()
+CAMERA = Settings(reading="camera_height")
+
+
+def test_a_band_is_what_the_camera_sees_at_its_stand_off() -> None:
+    assert band_span_m(10.0, math.pi / 2) == pytest.approx(20.0)
+    assert band_span_m(9.0, math.radians(60.0)) == pytest.approx(18.0 / math.sqrt(3))
+
+
+def test_bands_touch_and_the_camera_stands_in_their_middle() -> None:
+    assert band(1, 18.0) == Band(1, 0.0, 18.0, 9.0)
+    assert band(3, 18.0) == Band(3, 36.0, 54.0, 45.0)
+
+
+@pytest.mark.parametrize("bad", [(0.0, 1.0), (-3.0, 1.0), (math.nan, 1.0), (5.0, 0.0), (5.0, 3.2)])
+def test_an_impossible_band_is_refused(bad: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="no band"):
+        band_span_m(*bad)
+
+
+def test_eq3_by_hand_in_the_first_band() -> None:
+    """18 m, 6 floors of 3 m; the fourth ends at 18 - 3 x (6 - 4) = 12 m and its window is at 10.5 m."""
+    assert decide(band(1, 18.0), 0, 6, 4, None, UPPER) == FinalHeight(10.5, 3.0, 6)
+
+
+def test_eq3_by_hand_in_the_second_band() -> None:
+    """Band 18..36 m with 6 more floors; the eighth ends at 36 - 3 x (12 - 8) = 24 m."""
+    assert decide(band(2, 18.0), 6, 6, 8, None, UPPER) == FinalHeight(22.5, 3.0, 12)
+
+
+def test_the_topmost_counted_floor_is_found_without_another_band() -> None:
+    assert decide(band(1, 18.0), 0, 6, 6, None, UPPER) == FinalHeight(16.5, 3.0, 6)
+
+
+def test_too_few_floors_climb_to_the_next_band() -> None:
+    assert decide(band(1, 18.0), 0, 6, 7, None, UPPER) == Climb(band(2, 18.0), 6)
+
+
+def test_a_roof_in_the_band_takes_the_place_of_its_upper_edge() -> None:
+    """Four floors up to a roof at 12 m inside a band of 20 m: 3 m a floor, not 5."""
+    assert decide(band(1, 20.0), 0, 4, 2, 12.0, UPPER) == FinalHeight(4.5, 3.0, 4)
+    stretched = decide(band(1, 20.0), 0, 4, 2, None, UPPER)
+    assert isinstance(stretched, FinalHeight)
+    assert stretched.floor_height_m == 5.0
+
+
+def test_a_roof_above_the_band_changes_nothing() -> None:
+    assert decide(band(1, 18.0), 0, 6, 4, 40.0, UPPER) == FinalHeight(10.5, 3.0, 6)
+
+
+def test_no_new_floors_climb_and_never_divide() -> None:
+    assert decide(band(1, 18.0), 0, 0, 1, None, UPPER) == Climb(band(2, 18.0), 0)
+    assert decide(band(2, 18.0), 6, 0, 6, 50.0, UPPER) == Climb(band(3, 18.0), 6)
+
+
+def test_the_building_ending_below_the_wanted_floor_is_an_outcome_with_a_best_guess() -> None:
+    assert decide(band(1, 18.0), 0, 4, 7, 12.0, UPPER) == FloorNotFound(4, 12.0, 10.5)
+    assert decide(band(2, 18.0), 6, 0, 7, 18.0, UPPER) == FloorNotFound(6, 18.0, 16.5)
+    assert decide(band(1, 18.0), 0, 0, 1, 0.0, UPPER) == FloorNotFound(0, 0.0, None)
+
+
+def test_floors_counted_where_depth_shows_no_wall_are_believed() -> None:
+    assert decide(band(2, 18.0), 6, 6, 8, 18.0, UPPER) == FinalHeight(22.5, 3.0, 12)
+
+
+def test_no_readable_count_is_not_a_count_of_zero() -> None:
+    assert decide(band(2, 18.0), 6, None, 8, None, UPPER) == Recount(band(2, 18.0), 6)
+
+
+def test_nothing_is_flown_to_below_the_lowest_height() -> None:
+    decision = decide(band(1, 1.2), 0, 1, 1, None, UPPER)
+    assert isinstance(decision, FinalHeight)
+    assert decision.height_m == 1.0
+
+
+@pytest.mark.parametrize(("before", "new", "target"), [(0, 3, 0), (0, -1, 2), (-1, 2, 1)])
+def test_impossible_counts_are_refused(before: float, new: float, target: int) -> None:
+    with pytest.raises(ValueError, match="floors"):
+        decide(band(1, 18.0), before, new, target, None, UPPER)
+
+
+def test_the_camera_height_reading_lands_eight_and_a_half_metres_low_at_ten_metres() -> None:
+    """Stand-off 10 m, 20 m band, camera at 10 m, floors of 20 / 7 m, the seventh wanted: 10 m against 18.57 m."""
+    literal = decide(band(1, 20.0), 0, 7, 7, None, CAMERA)
+    right = decide(band(1, 20.0), 0, 7, 7, None, UPPER)
+    assert isinstance(literal, FinalHeight)
+    assert isinstance(right, FinalHeight)
+    assert literal.height_m == 10.0
+    assert right.height_m - literal.height_m == pytest.approx(8.57, abs=0.01)
+
+
+def test_the_camera_height_reading_by_hand_in_the_second_band() -> None:
+    """Cameras at 10 and 30 m: floors of (30 - 10) / 5 = 4 m; the eighth of ten is at 30 - 4 x 2 = 22 m."""
+    assert decide(band(2, 20.0), 5, 5, 8, None, CAMERA) == FinalHeight(22.0, 4.0, 10)
+
+
+@given(st.floats(2.4, 5.0), st.integers(1, 40), st.data(), st.floats(5.0, 12.0), st.booleans())
+def test_with_exact_counts_the_height_error_is_zero(
+    floor_m: float, floors: int, data: st.DataObject, stand_off: float, roof_in_sight: bool
+) -> None:
+    """Exact: the share of a floor that a band's edge cuts off counts as that share."""
+    target = data.draw(st.integers(1, floors))
+    roof = floor_m * floors
+    here, counted = band(1, band_span_m(stand_off, math.pi / 2)), 0.0
+    for _ in range(60):
+        top_in_sight = roof if roof_in_sight or here.upper_m >= roof else None
+        exact = (min(here.upper_m, roof) - here.lower_m) / floor_m
+        decision = decide(here, counted, exact, target, top_in_sight, UPPER)
+        if isinstance(decision, FinalHeight):
+            assert decision.height_m == pytest.approx(max(1.0, (target - 0.5) * floor_m), abs=1e-6)
+            return
+        assert isinstance(decision, Climb)
+        here, counted = decision.band, decision.floors_counted
+    raise AssertionError("the floor was never found")
+
+
+@given(st.floats(2.4, 5.0), st.integers(1, 40), st.data(), st.floats(6.0, 12.0))
+def test_with_whole_counts_by_the_middle_rule_the_error_stays_within_half_a_floor(
+    floor_m: float, floors: int, data: st.DataObject, stand_off: float
+) -> None:
+    """A floor counts in the band that its middle lies in, so each is counted once and bands are off by half at most."""
+    target = data.draw(st.integers(1, floors))
+    here, counted = band(1, band_span_m(stand_off, math.pi / 2)), 0.0
+    for _ in range(60):
+        middles = [(k + 0.5) * floor_m for k in range(floors)]
+        new = sum(here.lower_m <= m < here.upper_m for m in middles)
+        roof = floor_m * floors
+        decision = decide(here, counted, new, target, roof if here.upper_m >= roof else None, UPPER)
+        if isinstance(decision, FinalHeight):
+            assert abs(decision.height_m - (target - 0.5) * floor_m) <= 0.5 * floor_m + 1e-6
+            return
+        if isinstance(decision, FloorNotFound):
+            raise AssertionError(decision)
+        assert isinstance(decision, Climb)
+        here, counted = decision.band, decision.floors_counted
+    raise AssertionError("the floor was never found")
+
+
+def test_direct_count_divides_the_buildings_height() -> None:
+    assert direct_count(6, 18.0, 4, UPPER) == FinalHeight(10.5, 3.0, 6)
+    assert direct_count(4, 18.0, 4, UPPER) == FinalHeight(15.75, 4.5, 4)
+
+
+def test_direct_count_has_the_same_outcomes() -> None:
+    assert direct_count(None, 18.0, 4, UPPER) is None
+    assert direct_count(0, 18.0, 4, UPPER) == FloorNotFound(0.0, 18.0, None)
+    assert direct_count(3, 18.0, 4, UPPER) == FloorNotFound(3, 18.0, 15.0)
+    with pytest.raises(ValueError, match="no floor 1"):
+        direct_count(3, 0.0, 1, UPPER)
+
+
+def test_rows_become_heights_on_an_upright_facade() -> None:
+    assert row_height_m(0.5, 9.0, 9.0, math.pi / 2) == 9.0
+    assert row_height_m(0.0, 9.0, 9.0, math.pi / 2) == pytest.approx(18.0)
+    assert row_height_m(0.75, 9.0, 8.0, math.pi / 2) == pytest.approx(5.0)
