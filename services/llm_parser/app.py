@@ -1,6 +1,6 @@
 """The endpoint of llm_parser: which back end, ask it, encode."""
 
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -49,11 +49,13 @@ async def _nothing() -> None:
 def build_app(
     parsers: Parsers,
     *,
+    about: Mapping[str, str] | None = None,
     close: Callable[[], Awaitable[None]] = _nothing,
     token: str | None = None,
     max_body_bytes: int = MAX_BODY_BYTES,
 ) -> FastAPI:
-    """The service; it is ready when its default back end is. `close` is called when it stops."""
+    """The service; it is ready when its default back end is. `about` is told by `/readyz`; `close` is called when
+    it stops."""
     metrics = HttpMetrics()
     answers = Counter(
         "llm_parser_answers",
@@ -71,6 +73,7 @@ def build_app(
         "llm_parser",
         max_body_bytes=max_body_bytes,
         checks={"parser": parsers.default.problem},
+        about=about,
         token=token,
         metrics=metrics,
         lifespan=lifespan,

@@ -1,7 +1,8 @@
 """Settings of llm_parser, all optional.
 
 `PARSER_BACKEND` is `rules` (the default) or `chat`: what answers a question without a `model`. `GATEWAY_URL`,
-`GATEWAY_TOKEN`: the model gateway; `PARSER_MODEL`: the gateway's alias that `chat` asks by default;
+`GATEWAY_TOKEN`: the model gateway; `PARSER_MODEL`: the gateway's alias that `chat` asks by
+default, else the gateway's role `parser`;
 `PARSER_TIMEOUT_S`, `PARSER_MAX_TOKENS`: bounds of one call; `LLM_PARSER_TOKEN`, `MAX_BODY_BYTES`: this service's door.
 """
 
@@ -16,7 +17,6 @@ from services.llm_parser.rules.backend import RulesParser
 
 DEFAULT_PORT = 8101
 DEFAULT_GATEWAY = "http://127.0.0.1:8102"
-DEFAULT_MODEL = "parser"
 
 
 def bootstrap(settings: Settings) -> FastAPI:
@@ -30,15 +30,14 @@ def bootstrap(settings: Settings) -> FastAPI:
         token=settings.text("GATEWAY_TOKEN"),
     )
 
-    def chat(model: str) -> ChatParser:
+    def chat(model: str | None) -> ChatParser:
         return ChatParser(gateway, model, max_tokens=max_tokens)
 
     rules = RulesParser()
-    default: Parser = (
-        rules if backend == "rules" else chat(settings.text("PARSER_MODEL", DEFAULT_MODEL) or DEFAULT_MODEL)
-    )
+    default: Parser = rules if backend == "rules" else chat(settings.text("PARSER_MODEL"))
     return build_app(
         Parsers(rules=rules, default=default, chat=chat),
+        about={"backend": backend},
         close=gateway.close,
         token=settings.text("LLM_PARSER_TOKEN"),
         max_body_bytes=settings.integer("MAX_BODY_BYTES", MAX_BODY_BYTES, 1024, 1 << 24),

@@ -13,18 +13,26 @@ from services.llm_parser.chat.reading import Read, Refusal, Reply, Unreadable, r
 from services.llm_parser.rules.floors import find_floors
 from services.llm_parser.rules.tokens import tokenize
 
+ROLE = "parser"
 _ROUTE = "/v1/chat/completions"
-_PASSED_ON = frozenset(("model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"))
+_PASSED_ON = frozenset(
+    ("model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded", "cache_unavailable")
+)
 
 
 class _Question(BaseModel):
     """OpenAI's chat completion, as far as it is used."""
 
-    model: str
     messages: list[dict[str, str]]
     temperature: float = 0.0
     max_tokens: int
     stream: Literal[False] = False
+
+
+class _NamedQuestion(_Question):
+    """To one alias of the gateway's, rather than to what plays the role `parser` there."""
+
+    model: str
 
 
 class _Message(BaseModel):
@@ -53,11 +61,13 @@ class _Completion(BaseModel):
 
 
 class ChatParser:
-    """One alias of the gateway's. `client` may be shared between aliases; whoever made it closes it."""
+    """One alias of the gateway's, or whatever plays the role `parser` there. `client` may be shared between aliases;
+    whoever made it closes it."""
 
-    def __init__(self, client: ServiceClient, model: str, *, max_tokens: int = 2048) -> None:
+    def __init__(self, client: ServiceClient, alias: str | None = None, *, max_tokens: int = 2048) -> None:
         self._client = client
-        self._model = model
+        self._alias = alias
+        self._model = alias or ROLE
         self._max_tokens = max_tokens
 
     async def parse(self, request: str) -> ParseAnswer:
@@ -96,7 +106,9 @@ class ChatParser:
         )
 
     async def _ask(self, messages: list[dict[str, str]]) -> Reply:
-        question = _Question(model=self._model, messages=messages, max_tokens=self._max_tokens)
+        question = _Question(messages=messages, max_tokens=self._max_tokens)
+        if self._alias is not None:
+            question = _NamedQuestion(model=self._alias, messages=messages, max_tokens=self._max_tokens)
         try:
             completion = await self._client.call("POST", _ROUTE, _Completion, question)
         except CallError as error:
@@ -117,9 +129,8 @@ class ChatParser:
         if isinstance(error, Refused):
             if error.code in _PASSED_ON:
                 return ServiceError(error.reason, code=error.code, status=error.status, details=details)
-            if error.status in (400, 404, 422) and "model" in f"{error.code} {error.reason}".lower():
-                message = f"the gateway knows no model {self._model!r} that can chat: {error.reason}"
-                return BadQuestion(message, code="unknown_model", details=details)
+            if error.code == "unknown_model":
+                return BadQuestion(error.reason, code=error.code, details={**details, **error.details})
             if error.status == 504:
                 return ServiceError(str(error), code="model_timeout", status=504, details=details)
         what = "answered with no chat completion" if isinstance(error, Garbled) else error.message

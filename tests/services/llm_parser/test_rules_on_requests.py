@@ -1,0 +1,34 @@
+"""The grammar on whole requests: the templates with many fillings, and sentences of our own."""
+
+from pathlib import Path
+
+import pytest
+
+from services.llm_parser.evaluate import evaluate
+from services.llm_parser.templates import read_samples
+
+DATA = Path(__file__).parents[2] / "data"
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_templates_are_read_exactly_nine_times_in_ten_or_more(seed: int) -> None:
+    found = evaluate(read_samples(DATA / "request_templates.jsonl", seed=seed, fills=2))
+    assert found.overall.samples == 520
+    assert found.overall.floor_share >= 0.97
+    assert found.overall.object_share >= 0.93
+    assert all(score.floor_share >= 0.9 for score in found.by_style.values()), found.by_style
+    assert all(score.object_share >= 0.8 for score in found.by_style.values()), found.by_style
+
+
+def test_sentences_of_our_own_are_read_as_well() -> None:
+    found = evaluate(read_samples(DATA / "request_sentences.jsonl"))
+    assert found.overall.samples >= 110
+    assert found.overall.floor_share >= 0.95
+    assert found.overall.object_share >= 0.93
+
+
+def test_what_requests_do_not_say_is_never_invented() -> None:
+    samples = [s for s in read_samples(DATA / "request_sentences.jsonl") if s.floor is None or s.object is None]
+    assert len(samples) >= 8
+    wrong = [failure.request for failure in evaluate(samples).failures]
+    assert wrong == []
