@@ -41,10 +41,11 @@ def build(settings: Settings) -> FastAPI:
     where = path or "GATEWAY_CONFIG"
     http = HttpMetrics()
     figures = GatewayMetrics(http.registry)
+    cache = _guarded_cache(settings, figures)  # first, because what is quick to find wrong should be told quickly
     backends = {
         alias: _backend(alias, model, settings, where, figures, sim_url) for alias, model in config.models.items()
     }
-    gateway = Gateway(backends, config.roles, _guarded_cache(settings, figures), figures)
+    gateway = Gateway(backends, config.roles, cache, figures)
     return build_app(gateway, http, token=settings.text("GATEWAY_TOKEN"))
 
 

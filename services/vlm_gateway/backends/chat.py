@@ -170,8 +170,9 @@ def _understood(
     values = json_values(answer)
     if not values and looks_like_refusal(answer):
         return schemas.Declined(), text
-    if not values and len(answer) <= 12:
-        values = [answer.strip(" \t\n\"'`().*")]  # a bare label, as small models answer
+    bare = answer.strip(" \t\n\"'`().*")
+    if not values and len(bare) == 1:
+        values = [bare]  # a label without any wrapping, as small models answer
     try:
         return schemas.first_readable(values, read), text
     except schemas.Unreadable as problem:

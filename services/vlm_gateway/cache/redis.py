@@ -31,8 +31,6 @@ class RedisCache:
                 socket_connect_timeout=timeout_s,
                 retry=Retry(NoBackoff(), 0),
                 max_connections=256,
-                lib_name=None,
-                lib_version=None,
             )
         except ValueError as error:
             raise BadSetting(f"REDIS_URL={self._place}: {error}; give redis://host:6379/0") from None

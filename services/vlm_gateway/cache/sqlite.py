@@ -89,7 +89,7 @@ class SqliteCache:
         self._touched[key] = now  # written with the next put: reading stays reading
         if len(self._touched) > 10_000:
             self._write_touched()
-        return bytes(row[0])
+        return row[0] if isinstance(row[0], bytes) else str(row[0]).encode()
 
     def _put(self, key: str, value: bytes) -> None:
         now = self._clock()

@@ -15,7 +15,7 @@ _FENCE = re.compile(r"```[A-Za-z0-9_-]*[ \t]*\n?(.*?)```", re.DOTALL)
 _REFUSAL = re.compile(
     r"\b(?:i(?:'|’)?m sorry|i am sorry|i apologi[sz]e|i (?:can(?:no|')t|can’t|can not|am unable|am not able|"
     r"won(?:'|’)t|will not|must decline)|unable to (?:determine|assist|help|provide|answer|tell)|"
-    r"(?:not|im)possible to (?:determine|say|tell|give|provide|count|answer)|"
+    r"(?:not |im)possible to (?:determine|say|tell|give|provide|count|answer)|"
     r"(?:cannot|can(?:'|’)t) be determined|difficult to determine|"
     r"against my (?:guidelines|policy)|as an ai)\b",
     re.IGNORECASE,

@@ -76,7 +76,7 @@ class Upstream:
         async with self.admission:
             try:
                 async with asyncio.timeout(self._model.config.timeout_s):
-                    response = await self._with_retry(lambda _: self._open(body), deadline)
+                    response = await self._with_retry(lambda attempt: self._open_stream(body, attempt), deadline)
             except TimeoutError:
                 raise self._too_late() from None
             try:
@@ -87,6 +87,14 @@ class Upstream:
     async def _whole(self, body: bytes, attempt: int) -> Completion:
         async with await self._open(body) as response:
             return self._read(response, await self._bytes(response, MAX_REPLY_BYTES), attempt)
+
+    async def _open_stream(self, body: bytes, attempt: int) -> aiohttp.ClientResponse:
+        response = await self._open(body)
+        if response.content_type == "text/event-stream":
+            return response
+        async with response:  # an error inside a 200, a proxy's page, or a server that knows no streams
+            self._read(response, await self._bytes(response, MAX_REPLY_BYTES), attempt)
+        raise self._unreachable("it answers a stream with a single reply", "no_stream")
 
     async def _with_retry(self, work: Callable[[int], Awaitable[T]], deadline: float) -> T:
         """`work(1)` and, where that failed in a way that may pass, `work(2)` after a pause."""
