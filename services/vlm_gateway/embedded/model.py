@@ -77,6 +77,10 @@ class EmbeddedModel:
         self._sure = float(arrays["sure"])
         self._row_likely = float(arrays["row_likely"])
 
+    def phrase_of(self, kind: str) -> str:
+        """What people call things of a class. Raises KeyError."""
+        return self._vocabulary.phrase_of[kind]
+
     def count_floors(self, rgb: Picture) -> FloorsSeen:
         """The floors of the building ahead whose window row's middle lies in the picture. rgb: (H, W, 3) uint8."""
         heat = sigmoid(self._rows.logits(row_bands(small(rgb))))[:, 0]

@@ -37,6 +37,7 @@ class Vocabulary:
         self, kinds: dict[str, tuple[str, ...]], colours_of: dict[str, tuple[str, ...]], colours: tuple[str, ...]
     ):
         self.kinds = tuple(kinds)
+        self.phrase_of = {kind: phrases[0] for kind, phrases in kinds.items()}
         self.colours = colours
         self.colours_of = colours_of
         self._phrases: dict[tuple[str, ...], list[str]] = {}

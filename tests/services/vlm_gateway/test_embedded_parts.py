@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from services.vlm_gateway.embedded.bands import BANDS, longest_run, peaks, row_bands, small
+from services.vlm_gateway.embedded.bands import (
+    BANDS,
+    PER_SEGMENT,
+    REACH,
+    SEGMENTS,
+    longest_run,
+    peaks,
+    row_bands,
+    small,
+)
 from services.vlm_gateway.embedded.colours import BINS, MAX_PATCHES, Patch, bin_index, coded, likeness, patches
 from services.vlm_gateway.embedded.describe import describe, width
 from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
@@ -75,7 +84,7 @@ def test_bands_tell_window_rows_from_the_wall_between() -> None:
         picture[200:300, x : x + 30] = (40, 50, 60)
     bands = row_bands(small(picture))
     assert bands.shape[0] == BANDS
-    upright = bands[:, 7 * 7 + 4]  # the band itself among its surroundings, its first segment's upright edges
+    upright = bands[:, REACH // 2 * SEGMENTS * PER_SEGMENT + 4]  # its own first segment, among its surroundings
     assert upright[int(0.31 * BANDS)] > 10 * max(float(upright[int(0.1 * BANDS)]), 1e-4)
 
 
