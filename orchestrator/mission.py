@@ -77,6 +77,7 @@ class Mission:
             "placed",
             f"the drone stands at {spoken(episode.pose)}; pictures by {episode.renderer}",
             {
+                "episode": episode.id,
                 "pose": episode.pose.model_dump(),
                 "renderer": episode.renderer,
                 "renderer_detail": episode.renderer_detail,

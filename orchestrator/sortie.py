@@ -195,6 +195,11 @@ def spoken(place: Pose | Point3) -> str:
     return f"({place.x:.1f}, {place.y:.1f}, {place.z:.1f})"
 
 
+def towards(heading_deg: Heading) -> str:
+    """A view's heading, for a person."""
+    return "ahead" if heading_deg == 0 else f"{abs(heading_deg)}° {'right' if heading_deg > 0 else 'left'}"
+
+
 def ahead(pose: Pose, bearing_deg: float, distance_m: float) -> Point3:
     """The point at that bearing (degrees from the nose, positive to the right) and distance, at the same height."""
     angle = pose.yaw - math.radians(bearing_deg)

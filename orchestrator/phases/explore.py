@@ -24,7 +24,7 @@ from contracts.vlm_gateway import (
 from orchestrator.asking import Answered
 from orchestrator.marks import mark_box, mark_points
 from orchestrator.sighting import Sighting, facade_returns, locate
-from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m
+from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m, towards
 
 SAME_PLACE_M = 1.5
 
@@ -166,7 +166,7 @@ class Exploration:
         marked = encode_jpeg(mark_points(sight.rgb, _marks(offered)))
         answer: dict[str, Any] | None = None
         if not offered:
-            chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free in the view at {sight.heading_deg:+d}°")
+            chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free {towards(sight.heading_deg)}")
         elif settings.choice == "centre":
             chosen = _centre(offered, settings.min_move_m)
         else:
@@ -189,7 +189,7 @@ class Exploration:
                 chosen = _widest(offered, f"the choice model's answer was {_why(reply.answer.outcome)}")
         sortie.write(
             "direction",
-            f"view {sight.heading_deg:+d}° ({view.reason.replace('_', ' ')}): "
+            f"view {towards(sight.heading_deg)} ({view.reason.replace('_', ' ')}): "
             + (f"point {chosen.point.label}, {chosen.by}" if chosen.point else chosen.by),
             {
                 "exploration_step": sortie.exploration_steps,
@@ -251,7 +251,7 @@ def _said(outcome: str, sightings: list[Sighting], best: Sighting | None, thing:
     if outcome != "answered":
         return f"the recognition model's answer was {outcome}"
     if best is not None:
-        return f"{thing} seen at {best.match.heading_deg:+d}°, {best.distance_m:.1f} m away"
+        return f"{thing} seen {towards(best.match.heading_deg)}, {best.distance_m:.1f} m away"
     if sightings:
         return f"{len(sightings)} sightings rejected: {sightings[0].rejected}"
     return f"no {thing} in sight"

@@ -1,0 +1,48 @@
+"""All services as real processes, once for all system tests."""
+
+import asyncio
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+
+import pytest
+
+from orchestrator.clients import Addresses, Services
+from orchestrator.processes import PORTS, Processes, free_ports, oracle_settings, own_environment
+
+
+@pytest.fixture(scope="session")
+def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
+    """Sim, depth_assist, gateway, parser and orchestrator on free ports, the oracle switched on, no answer cached."""
+    folder = tmp_path_factory.mktemp("house")
+    ports = free_ports(PORTS)
+    extra = oracle_settings(ports)
+    extra["vlm_gateway"] |= {"CACHE_MODE": "off"}
+    extra["orchestrator"] = {"RUNS_DIR": str(folder / "runs")}
+    group = Processes(ports, folder / "logs", environment=own_environment(), extra=extra)
+    try:
+        group.start()
+        asyncio.run(group.ready())
+        yield group
+    finally:
+        group.stop()
+
+
+@pytest.fixture
+def at(house: Processes) -> Addresses:
+    return house.addresses
+
+
+@pytest.fixture
+async def services(at: Addresses) -> AsyncIterator[Services]:
+    async with Services(at) as clients:
+        yield clients
+
+
+@pytest.fixture(scope="session")
+def orchestrator_url(house: Processes) -> str:
+    return next(child.url for child in house.children if child.name == "orchestrator")
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> Path:
+    return tmp_path / "runs"
