@@ -1,22 +1,35 @@
 """A scene document as triangles: what the renderers draw, what the world collides with, and which triangle is whose."""
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.scene import Light
-from services.sim.geometry.mesh import Mesh
+from contracts.scene import Light, Scene
+from services.sim.geometry.buildings import build_building, toward_start
+from services.sim.geometry.mesh import Mesh, concatenate
+from services.sim.geometry.parts import Assembly, Chunk, Part, PartKind, Solid
+from services.sim.geometry.placing import keeps_sill, placed
+from services.sim.geometry.street import build_surroundings
 from services.sim.geometry.textures import TextureSet
 
-PartKind = Literal["building", "object", "surroundings"]
+__all__ = [
+    "Chunk",
+    "ObjectBuilder",
+    "Part",
+    "PartKind",
+    "SceneMesh",
+    "Solid",
+    "UnknownObject",
+    "build_scene_mesh",
+]
 
 
 class ObjectBuilder(Protocol):
-    """The catalogue: `build` makes one object (metres, origin in the middle of its underside, +x its front).
+    """The catalogue: `build` makes one object (metres, +x its front; see `placing` for its origin).
 
-    Raises services.sim.geometry.scene_mesh.UnknownObject for a kind or a colour it hasn't got.
+    Raises UnknownObject for a kind or a colour it hasn't got.
     """
 
     def __call__(self, kind: str, colour: str, textures: TextureSet) -> Mesh: ...
@@ -24,32 +37,6 @@ class ObjectBuilder(Protocol):
 
 class UnknownObject(ValueError):
     """The catalogue has no such kind or colour; the message lists what it has."""
-
-
-class Part(NamedTuple):
-    """One thing that can be told apart: `id` counts from 1 (0 is nothing); `name` is the document's id."""
-
-    id: int
-    kind: PartKind
-    name: str
-
-
-class Chunk(NamedTuple):
-    """A run of faces that is drawn or left out as one; `low` and `high` (3,) bound it."""
-
-    first_face: int
-    face_count: int
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-
-
-class Solid(NamedTuple):
-    """Something one can bump into: positions (N, 3) float64 metres, faces (M, 3), the part's id and name."""
-
-    part: int
-    name: str
-    positions: NDArray[np.float64]
-    faces: NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +58,37 @@ class SceneMesh:
             if part.kind == kind and part.name == name:
                 return part
         raise KeyError(f"{kind} {name}")
+
+
+def build_scene_mesh(scene: Scene, build_object: ObjectBuilder, textures: TextureSet) -> SceneMesh:
+    """The same triangles for the same document, every time. `textures` are the base layers and the catalogue's.
+
+    Raises UnknownObject for an object that the catalogue hasn't got, ValueError for a window that isn't there.
+    """
+    assembly = Assembly()
+    objects = [placed(scene, o, build_object(o.kind, o.colour, textures)) for o in scene.objects]
+    for building in scene.buildings:
+        part = assembly.part("building", building.id)
+        toward = toward_start(building, scene.start.position.x, scene.start.position.y)
+        build_building(assembly, part, building, textures, scene.seed, keeps_sill(scene, building), toward)
+    for thing, (mesh, _) in zip(scene.objects, objects, strict=True):
+        part = assembly.part("object", thing.id)
+        assembly.draw(part, mesh)
+        assembly.block(part, mesh)
+    build_surroundings(assembly, scene, textures)
+    holders = [holder for _, holder in objects if holder is not None]
+    assembly.draw(len(assembly.parts), holders)
+    assembly.block(len(assembly.parts), holders)
+    target = scene.building(scene.target)
+    middle = np.array([(p.x, p.y) for p in target.footprint]).mean(axis=0)
+    owners = [np.full(m.vertex_count, o, np.uint16) for m, o in zip(assembly.meshes, assembly.owners, strict=True)]
+    return SceneMesh(
+        concatenate(assembly.meshes),
+        np.concatenate(owners),
+        tuple(assembly.parts),
+        assembly.chunks(),
+        assembly.solids(),
+        textures,
+        scene.light,
+        (float(middle[0]), float(middle[1]), target.floors * target.floor_height_m / 3),
+    )

@@ -1,203 +1,187 @@
-"""What stands and lies round the buildings: ground, roads with pavements, trees, cars, lamps."""
+"""The ground and what stands on it: surfaces, roads with pavements, cars, lamps, trees."""
 
-import zlib
-from math import atan2, cos, hypot, pi, sin
+from math import hypot
 
 import numpy as np
+from shapely import geometry as shape
+from shapely.ops import unary_union
 
-from contracts.geometry import Point2
-from contracts.scene import Car, Ground, Road, Scene, Tree
-from services.sim.geometry.mesh import Mesh, concatenate, mixed
+from contracts.scene import Car, Road, Scene
+from services.sim.geometry.facade import chance
+from services.sim.geometry.greenery import tree, tree_solid
+from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
+from services.sim.geometry.outlines import grown, plan_of
 from services.sim.geometry.parts import Assembly
-from services.sim.geometry.solids import box, cylinder, ellipsoid, extruded, frustum, quad, rod, standing_box
+from services.sim.geometry.solids import box, cylinder, ellipsoid, prism, quad, rod, triangulated
 from services.sim.geometry.textures import TextureSet
 
 KERB_M = 0.12
-ROAD_LIFT_M = 0.02
-FAR_M = 600.0
-"""The ground goes on to the horizon; what lies beyond `half_size_m` is plain."""
-
-_SURFACES = {
-    "grass": ("grass", "#7f9a58"),
-    "paving": ("paving", "#b9b4aa"),
-    "asphalt": ("asphalt", "#7c7d80"),
-    "gravel": ("gravel", "#b7aa94"),
-}
-_GREENS = ("#5f8a3c", "#6f9446", "#4f7d3a", "#7d9a4a")
+PIECE_M = 16.0
+_SURFACES: dict[str, str] = {"grass": "#ffffff", "paving": "#c2bdb4", "asphalt": "#d8d8d8", "gravel": "#c9bfac"}
 
 
-def add_surroundings(assembly: Assembly, scene: Scene, textures: TextureSet) -> None:
-    """Draws the ground and all that stands on it, and makes solid what can be bumped into."""
+def build_surroundings(assembly: Assembly, scene: Scene, textures: TextureSet) -> None:
+    """Everything that is neither a building nor an object, as one part."""
+    part = assembly.part("surroundings", "surroundings")
+    _ground(assembly, part, scene, textures)
+    trees = []
+    for i, plant in enumerate(scene.ground.trees):
+        trees.append(tree(plant, textures, chance(scene.seed, f"tree {i}")))
+        assembly.block(part, tree_solid(plant))
+    for mesh in trees:
+        assembly.draw(part, mesh)
+    for i, car in enumerate(scene.ground.cars):
+        assembly.draw(part, _car(car, textures, chance(scene.seed, f"car {i}")))
+        body = box((4.3, 1.8, 1.45), (0, 0, 0.73)).transformed(yaw=car.yaw, move=(car.position.x, car.position.y, 0))
+        assembly.block(part, body)
+    for spot in scene.ground.lamps:
+        assembly.draw(part, _lamp().transformed(move=(spot.x, spot.y, 0.0)))
+        assembly.block(part, cylinder(0.12, 5.2, (spot.x, spot.y, 0.0), 6))
+
+
+def _ground(assembly: Assembly, part: int, scene: Scene, textures: TextureSet) -> None:
+    """Surfaces that share edges and never overlap, cut into squares so that they are culled and vary in tone."""
     ground = scene.ground
-    part = assembly.part("surroundings", "ground")
-    assembly.draw(part, _plain(ground, textures))
-    assembly.block(part, _floor(ground.half_size_m * 2))
-    for road in ground.roads:
-        assembly.draw(part, _road(road, textures))
-    for i, tree in enumerate(ground.trees):
-        standing = assembly.part("surroundings", f"tree-{i + 1}")
-        rng = np.random.default_rng([scene.seed, zlib.crc32(b"tree"), i])
-        drawn, solid = _tree(tree, textures, rng)
-        assembly.draw(standing, drawn)
-        assembly.block(standing, solid)
-    for i, car in enumerate(ground.cars):
-        standing = assembly.part("surroundings", f"car-{i + 1}")
-        drawn, solid = _car(car)
-        assembly.draw(standing, drawn)
-        assembly.block(standing, solid)
-    for i, place in enumerate(ground.lamps):
-        standing = assembly.part("surroundings", f"lamp-{i + 1}")
-        lamp = _lamp(place)
-        assembly.draw(standing, lamp)
-        assembly.block(standing, lamp)
-
-
-def _plain(ground: Ground, textures: TextureSet) -> Mesh:
-    """The near ground in its surface, and plain ground from there to the horizon."""
-    name, tint = _SURFACES[ground.surface]
     half = ground.half_size_m
-    near = _floor(half, tint).relayered(textures.layer(name))
-    far_tint = mixed(tint, "#9aa08c", 0.35)
-    outer = [(-FAR_M, -FAR_M), (FAR_M, -FAR_M), (FAR_M, FAR_M), (-FAR_M, FAR_M)]
-    inner = [(-half, -half), (half, -half), (half, half), (-half, half)]
-    rim = []
-    for k in range(4):
-        a, b, c, d = outer[k], outer[(k + 1) % 4], inner[(k + 1) % 4], inner[k]
-        rim.append(quad([(*a, 0.0), (*b, 0.0), (*c, 0.0), (*d, 0.0)], far_tint))
-    return concatenate([near, *rim])
+    roads = [shape.Polygon(_strip(r, r.width_m / 2)) for r in ground.roads]
+    carriage = unary_union(roads)
+    pavement = unary_union([shape.Polygon(_strip(r, r.width_m / 2 + r.pavement_m)) for r in ground.roads])
+    pavement = pavement.difference(carriage)
+    plans = [plan_of([(p.x, p.y) for p in b.footprint]) for b in scene.buildings]
+    aprons = [shape.Polygon(grown(plan, 1.2)) for plan in plans]
+    apron = unary_union(aprons).difference(unary_union([carriage, pavement]))
+    rest = shape.box(-half, -half, half, half).difference(unary_union([carriage, pavement, apron]))
+    layer = textures.layer(ground.surface)
+    rng = chance(scene.seed, "ground")
+    pieces = np.arange(-half, half, PIECE_M)
+    tones = rng.uniform(0.90, 1.0, (len(pieces) + 1, len(pieces) + 1))
+    for i, x in enumerate(pieces):
+        row = []
+        for j, y in enumerate(pieces):
+            cell = shape.box(x, y, min(x + PIECE_M, half), min(y + PIECE_M, half))
+            for piece in _polygons(rest.intersection(cell)):
+                mesh = _flat(piece, 0.0, _SURFACES[ground.surface], layer)
+                u = (mesh.positions[:, :2] - np.array([x, y])) / PIECE_M
+                tone = (
+                    tones[i, j] * (1 - u[:, 0]) * (1 - u[:, 1])
+                    + tones[i + 1, j] * u[:, 0] * (1 - u[:, 1])
+                    + tones[i, j + 1] * (1 - u[:, 0]) * u[:, 1]
+                    + tones[i + 1, j + 1] * u[:, 0] * u[:, 1]
+                )
+                colours = np.clip(mesh.colours * tone[:, None], 0, 255).astype(np.uint8)
+                row.append(Mesh(mesh.positions, mesh.normals, mesh.uv, colours, mesh.layer, mesh.faces))
+            if len(row) and (j % 4 == 3 or j == len(pieces) - 1):
+                assembly.draw(part, row)
+                row = []
+    stone = textures.layer("paving")
+    for piece in _polygons(apron):
+        assembly.draw(part, _flat(piece, 0.0, "#b4aea4", stone))
+    for piece in _polygons(pavement):
+        assembly.draw(part, [_flat(piece, KERB_M, "#b9b5ae", stone), *_kerbs(piece)])
+    for road in ground.roads:
+        assembly.draw(part, _carriageway(road, textures.layer("road")))
 
 
-def _floor(half: float, colour: str = "#ffffff") -> Mesh:
-    corners = [(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)]
-    return quad(corners, colour, 0, [(x, y) for x, y, _ in corners])
+def _strip(road: Road, half_width_m: float) -> list[tuple[float, float]]:
+    (ax, ay), (bx, by) = (road.start.x, road.start.y), (road.end.x, road.end.y)
+    length = max(hypot(bx - ax, by - ay), 1e-6)
+    nx, ny = -(by - ay) / length * half_width_m, (bx - ax) / length * half_width_m
+    return [(ax - nx, ay - ny), (bx - nx, by - ny), (bx + nx, by + ny), (ax + nx, ay + ny)]
 
 
-def _road(road: Road, textures: TextureSet) -> Mesh:
-    """Carriageway with edge lines and a dashed middle, kerbs and pavements; drawn along x, then laid in place."""
-    dx, dy = road.end.x - road.start.x, road.end.y - road.start.y
-    length, half, walk = max(hypot(dx, dy), 0.1), road.width_m / 2, road.pavement_m
-    parts = [_strip(0.0, length, -half, half, ROAD_LIFT_M, "#808288", textures.layer("asphalt"))]
-    line = ROAD_LIFT_M + 0.012
-    for y in (-half + 0.25, half - 0.25):
-        parts.append(_strip(0.0, length, y - 0.06, y + 0.06, line, "#d9d9d4"))
-    for k in range(int(length / 6.0)):
-        parts.append(_strip(k * 6.0 + 1.5, k * 6.0 + 4.5, -0.07, 0.07, line, "#e8e6dc"))
-    if walk > 0:
-        for side in (-1, 1):
-            low, high = sorted((side * half, side * (half + walk)))
-            parts.append(_strip(0.0, length, low, high, KERB_M, "#c4c0b6", textures.layer("paving")))
-            y = side * (half + 0.08)
-            parts.append(box((length, 0.16, KERB_M + 0.02), (length / 2, y, (KERB_M + 0.02) / 2), "#a9a69e"))
-            edge = side * (half + walk)
-            parts.append(box((length, 0.08, KERB_M), (length / 2, edge, KERB_M / 2), "#9d9a92"))
-    flat = concatenate(parts)
-    return flat.transformed(yaw=atan2(dy, dx), move=(road.start.x, road.start.y, 0.0))
+def _carriageway(road: Road, layer: int) -> list[Mesh]:
+    """In pieces of 8 m, one repeat of the markings each. Crossing roads lie in each other's plane."""
+    a, d, c, b = (np.array(p) for p in _strip(road, road.width_m / 2))
+    length = float(np.linalg.norm(d - a))
+    n = max(1, round(length / 8.0))
+    parts = []
+    for k in range(n):
+        t0, t1 = k / n, (k + 1) / n
+        corners = [a + (d - a) * t0, a + (d - a) * t1, b + (c - b) * t1, b + (c - b) * t0]
+        uv = [(0, k), (0, k + 1), (1, k + 1), (1, k)]
+        parts.append(quad([(*p, 0.0) for p in corners], "#ffffff", layer, uv))
+    return parts
 
 
-def _strip(x0: float, x1: float, y0: float, y1: float, z: float, colour: str, layer: int = 0) -> Mesh:
-    corners = [(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)]
-    return quad(corners, colour, layer, [(x, y) for x, y, _ in corners])
+def _polygons(area: shape.base.BaseGeometry) -> list[shape.Polygon]:
+    if area.is_empty:
+        return []
+    if isinstance(area, shape.Polygon):
+        return [area] if area.area > 1e-4 else []
+    return [p for part in getattr(area, "geoms", []) for p in _polygons(part)]
 
 
-def _tree(tree: Tree, textures: TextureSet, rng: np.random.Generator) -> tuple[Mesh, Mesh]:
-    """What is seen, and the plainer shape that is solid."""
-    leaves = textures.layer("leaves")
-    green = _GREENS[int(rng.integers(len(_GREENS)))]
-    h, r = tree.height_m, tree.crown_m
-    if tree.kind == "shrub":
-        drawn = [_blob((0.0, 0.0, h * 0.45), (r, r, h * 0.55), green, leaves, rng)]
-        drawn.append(_blob((r * 0.5, r * 0.2, h * 0.35), (r * 0.7, r * 0.6, h * 0.4), green, leaves, rng))
-        solid = [ellipsoid((r, r, h * 0.55), (0.0, 0.0, h * 0.45))]
-    elif tree.kind == "conifer":
-        trunk = cylinder(0.12 + 0.015 * h, h * 0.2, segments=7, colour="#5b4632")
-        dark = mixed(green, "#23452c", 0.6)
-        tiers, drawn = 4, [trunk]
-        for k in range(tiers):
-            foot = h * (0.14 + 0.2 * k)
-            wide, tall = r * (1.0 - 0.2 * k), h * (1.0 - (0.14 + 0.2 * k)) * (0.55 if k < tiers - 1 else 1.0)
-            turned = frustum(wide, 0.0, tall, (0, 0, foot), 9, _hex(dark), leaves).transformed(
-                yaw=float(rng.uniform(0, 6))
-            )
-            drawn.append(turned)
-        solid = [trunk, frustum(r, 0.05, h * 0.86, (0, 0, h * 0.14), 8)]
-    else:
-        width = 0.10 + 0.018 * h
-        trunk = frustum(width * 1.35, width, h * 0.55, segments=8, colour="#6b5440")
-        top = h - r
-        drawn = [trunk, _blob((0.0, 0.0, top), (r, r, r), green, leaves, rng)]
-        for k in range(4):
-            angle = float(rng.uniform(0, 0.8)) + k * pi / 2
-            reach, size = r * float(rng.uniform(0.45, 0.65)), r * float(rng.uniform(0.5, 0.68))
-            at = (reach * cos(angle), reach * sin(angle), top - r * float(rng.uniform(0.1, 0.5)))
-            drawn.append(_blob(at, (size, size, size * 0.9), green, leaves, rng))
-        solid = [trunk, ellipsoid((r * 1.05, r * 1.05, r), (0.0, 0.0, top))]
-    move = (tree.position.x, tree.position.y, 0.0)
-    return concatenate(drawn).transformed(move=move), concatenate(solid).transformed(move=move)
+def _flat(piece: shape.Polygon, z: float, colour: Colour, layer: int) -> Mesh:
+    """A polygon with holes, facing up, uv in metres of the world."""
+    ring = np.array(shape.polygon.orient(piece).exterior.coords)[:-1]
+    holes = [np.array(hole.coords)[:-1] for hole in piece.interiors]
+    faces = triangulated(ring, holes)
+    p = np.concatenate([ring, *holes])
+    return make(np.column_stack([p, np.full(len(p), z)]), faces, np.tile((0, 0, 1), (len(p), 1)), p, colour, layer)
 
 
-def _blob(
-    centre: tuple[float, float, float],
-    radii: tuple[float, float, float],
-    colour: str,
-    layer: int,
-    rng: np.random.Generator,
-) -> Mesh:
-    """A clump of leaves: an ellipsoid with an uneven skin, each clump in a slightly different green."""
-    tint = mixed(colour, "#d8e07a" if rng.random() < 0.5 else "#1f3a1c", float(rng.uniform(0.0, 0.22)))
-    smooth = ellipsoid(radii, colour=_hex(tint), layer=layer)
-    # the same push for vertices in the same place, or the seam of the sphere would tear
-    phase = rng.uniform(0, 6, 3)
-    wobble = 1.0 + 0.07 * np.sin(smooth.positions * (5.0 / max(radii)) + phase).sum(axis=1, keepdims=True)
-    matrix = np.eye(4)
-    matrix[:3, 3] = centre
-    pushed = Mesh(
-        (smooth.positions * wobble).astype(np.float32),
-        smooth.normals,
-        smooth.uv,
-        smooth.colours,
-        smooth.layer,
-        smooth.faces,
+def _kerbs(piece: shape.Polygon) -> list[Mesh]:
+    parts = []
+    oriented = shape.polygon.orient(piece)
+    for ring in (oriented.exterior, *oriented.interiors):
+        p = np.array(ring.coords)
+        for a, b in zip(p, p[1:], strict=False):
+            parts.append(quad([(*a, 0.0), (*b, 0.0), (*b, KERB_M), (*a, KERB_M)], "#a5a29c"))
+    return parts
+
+
+def _car(car: Car, textures: TextureSet, rng: np.random.Generator) -> Mesh:
+    """A small saloon or hatchback, nose along +x."""
+    estate = rng.random() < 0.5
+    paint, glass = car.colour, "#1f272e"
+    lower = [(-2.1, 0.32), (2.1, 0.32), (2.15, 0.62), (1.95, 0.80), (0.95, 0.92), (-1.75, 0.95), (-2.12, 0.85)]
+    tail = -1.95 if estate else -1.45
+    upper = [(0.95, 0.92), (0.25, 1.42), (-1.2, 1.45), (tail, 0.95)]
+    parts = [_side_extruded(lower, 0.86, 0.90, paint), _side_extruded(upper, 0.62, 0.80, paint)]
+    for s in (-1, 1):
+        panes = [
+            [(0.75, 0.97), (0.22, 1.36), (-0.42, 1.38), (-0.42, 0.97)],
+            [(-0.50, 0.97), (-0.50, 1.38), (-1.15, 1.38), (tail + 0.22, 0.97)],
+        ]
+        for pane in panes:
+            p = [(x, s * (0.815 - 0.30 * (z - 0.95)), z) for x, z in pane]
+            face = quad(p, glass)
+            parts.append(face if face.normals[0, 1] * s > 0 else face.flipped())
+    parts.append(quad([(0.93, -0.68, 0.96), (0.93, 0.68, 0.96), (0.32, 0.58, 1.40), (0.32, -0.58, 1.40)], glass))
+    rear = [(tail - 0.01, 0.66, 1.0), (tail - 0.01, -0.66, 1.0), (-1.24, -0.58, 1.40), (-1.24, 0.58, 1.40)]
+    parts.append(quad(rear, glass))
+    for x in (-1.35, 1.35):
+        for s in (-1, 1):
+            wheel = cylinder(0.32, 0.2, (0, 0, -0.1), 12, "#1b1c1e")
+            hub = cylinder(0.18, 0.02, (0, 0, 0.1), 10, "#a9adb1")
+            parts.append(concatenate([wheel, hub]).transformed(roll=-s * np.pi / 2, move=(x, s * 0.80, 0.32)))
+    for s in (-1, 1):
+        parts.append(box((0.06, 0.36, 0.14), (2.08, s * 0.58, 0.70), "#f3f1e6"))
+        parts.append(box((0.06, 0.30, 0.14), (-2.10, s * 0.62, 0.78), "#a5281e"))
+    return concatenate(parts).transformed(yaw=car.yaw, move=(car.position.x, car.position.y, 0.02))
+
+
+def _side_extruded(profile: list[tuple[float, float]], top_half: float, low_half: float, colour: Colour) -> Mesh:
+    """A side view (x, z), counter-clockwise seen from -y, drawn out across y, a little narrower at its top."""
+    flat = prism(profile, -1.0, 1.0, colour, bottom=True)
+    p = flat.positions.astype(np.float64)
+    z = p[:, 1]
+    share = (z - z.min()) / max(float(np.ptp(z)), 1e-6)
+    half = low_half + (top_half - low_half) * share
+    # prism x, y, z -> car x, z, -y keeps the handedness
+    moved = np.column_stack([p[:, 0], -p[:, 2] * half, p[:, 1]])
+    n = flat.normals
+    normals = np.column_stack([n[:, 0], -n[:, 2], n[:, 1]])
+    return Mesh(moved.astype(np.float32), normals.astype(np.float32), flat.uv, flat.colours, flat.layer, flat.faces)
+
+
+def _lamp() -> Mesh:
+    grey = "#4c5054"
+    return concatenate(
+        [
+            cylinder(0.14, 0.5, (0, 0, 0), 8, grey),
+            rod((0, 0, 0.4), (0, 0, 5.0), 0.06, 7).recoloured(grey),
+            rod((0, 0, 4.95), (0.0, 0.9, 5.15), 0.04, 6).recoloured(grey),
+            ellipsoid((0.14, 0.34, 0.07), (0.0, 0.95, 5.12), 8, 4, mixed(grey, "#f0ead8", 0.75)),
+        ]
     )
-    return pushed.transformed(matrix)
-
-
-def _car(car: Car) -> tuple[Mesh, Mesh]:
-    """A saloon car of 4.3 m: body and glass house in profile, wheels, lights."""
-    body = [(-2.1, 0.35), (2.1, 0.35), (2.12, 0.72), (1.95, 0.86), (0.95, 0.95), (-1.35, 0.98), (-2.08, 0.9)]
-    house = [(-1.75, 0.93), (1.1, 0.93), (0.35, 1.42), (-1.05, 1.45)]
-    turned = [(-x, z) for x, z in reversed(body)], [(-x, z) for x, z in reversed(house)]
-    roof = [(-0.33, 1.40), (1.03, 1.43), (0.95, 1.49), (-0.28, 1.47)]
-    parts = [
-        extruded(turned[0], 1.72, car.colour),
-        extruded(turned[1], 1.50, "#2b3138"),
-        extruded(roof, 1.46, car.colour),
-    ]
-    # `extruded` draws silhouettes of (y, z) along x; the car's length runs along y until it is turned
-    for y in (-1.3, 1.3):
-        for x in (-0.8, 0.8):
-            wheel = cylinder(0.33, 0.22, (0.0, 0.0, -0.11), 12, "#1c1d1f")
-            hub = cylinder(0.17, 0.24, (0.0, 0.0, -0.12), 8, "#9a9da1")
-            parts.append(concatenate([wheel, hub]).transformed(pitch=pi / 2).transformed(move=(x, y, 0.33)))
-    for x in (-0.62, 0.62):
-        parts.append(box((0.34, 0.06, 0.14), (x, -2.1, 0.68), "#f4f1dc"))
-        parts.append(box((0.34, 0.06, 0.14), (x, 2.09, 0.76), "#b3262a"))
-    drawn = concatenate(parts).transformed(yaw=pi / 2)  # its length along x, its front to +x
-    solid = standing_box((4.3, 1.8, 1.5))
-    move = (car.position.x, car.position.y, 0.0)
-    return drawn.transformed(yaw=car.yaw, move=move), solid.transformed(yaw=car.yaw, move=move)
-
-
-def _lamp(place: Point2) -> Mesh:
-    """A street lamp of 5 m with a short arm."""
-    parts = [
-        frustum(0.14, 0.10, 0.5, segments=8, colour="#3d4247"),
-        frustum(0.07, 0.05, 4.8, segments=8, colour="#4a5057"),
-        rod((0.0, 0.0, 4.75), (0.0, 0.7, 4.95), 0.04, colour="#4a5057"),
-        box((0.22, 0.5, 0.10), (0.0, 0.85, 4.95), "#4a5057"),
-        box((0.18, 0.42, 0.02), (0.0, 0.85, 4.89), "#fff3cf"),
-    ]
-    return concatenate(parts).transformed(move=(place.x, place.y, 0.0))
-
-
-def _hex(colour: tuple[int, int, int]) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from services.sim.geometry.patterns import PATTERNS
+from services.sim.geometry.patterns import TILED
+from services.sim.geometry.pictures import PICTURES
 
 SIZE = 512
 """Pixels of a layer's side."""
@@ -64,9 +65,10 @@ class TextureSet:
 @cache
 def base_textures() -> TextureSet:
     """The layers every scene has; layer 0 is `plain` (white)."""
-    names = tuple(PATTERNS)
+    patterns = {**TILED, **PICTURES}
+    names = tuple(patterns)
     return TextureSet(
         names,
-        np.stack([PATTERNS[n].paint(SIZE) for n in names]),
-        np.array([PATTERNS[n].tile_m for n in names], np.float32),
+        np.stack([patterns[n].paint(SIZE) for n in names]),
+        np.array([patterns[n].tile_m for n in names], np.float32),
     )
