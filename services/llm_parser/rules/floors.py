@@ -404,7 +404,7 @@ class _Finder:
         between = {t.norm for t in self._tokens[mention.last : following]}
         if following < self._size and following - mention.last < 20 and between & {"but", "however", "though"}:
             score -= 2.0
-        if "press" in back or "habit" in back:
+        if "press" in back:
             score -= 3.0
         text = scope.after(self._tokens, mention.last, following)
         if scope.denied_after(text):

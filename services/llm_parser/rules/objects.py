@@ -37,6 +37,9 @@ _HAVE = words(
     "has have having got with 's shows displays displaying features featuring bearing sports bears carries boasts "
     "showing holds wearing"
 )
+_PERSONS_DO = words(
+    "put puts painted says said told tells thinks lives likes loves has bought ordered wants keeps works"
+)
 _BREAKS = (Kind.STOP, Kind.SYMBOL)
 _PLACES = lex.ANCHORS | lex.DWELLINGS
 
@@ -89,6 +92,8 @@ def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
 
 def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
     head = tokens[phrase.head].norm
+    if head in lex.KIN or head in lex.PEOPLE:
+        return False
     if head not in lex.NON_OBJECTS:
         return True
     if head in lex.SOFT_NOUNS and phrase.head > phrase.first:
@@ -174,8 +179,6 @@ def _own_worth(tokens: list[Token], phrase: Phrase) -> float:
         worth += 1.0
     if head in lex.PARCEL_NOUNS:
         worth -= 4.0
-    if head in lex.KIN or head in lex.PEOPLE:
-        worth -= 4.0 if words & lex.ATTRIBUTES else 7.0
     if head in lex.SOFT_NOUNS:
         worth -= 0.5
     proper = tokens[phrase.head].raw[:1].isupper() and not tokens[phrase.head].raw.isupper()
@@ -230,6 +233,12 @@ def _cues_before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 3.0
         if set(back[1:6]) & lex.ANCHORS:
             score += 1.0
+    if first in _PUT_OUT | {"puts", "hung", "hangs"} and set(back[1:4]) & words(
+        "she he they dad mum mom mummy daddy wife husband"
+    ):
+        score += 2.0
+    if set(back[1:7]) & lex.ANCHORS and set(back[2:8]) & {"at", "on", "by", "in"} and first not in _HAVE:
+        score += 1.0
     if near & {"outside", "visible"} and first not in ("at", "on", "in"):
         score += 1.0
     if first in ("still", "mentioned"):
@@ -249,7 +258,8 @@ def _fragment(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> float:
     before, behind = phrase.lead - 1, phrase.last
     opens = before < 0 or tokens[before].kind in _BREAKS or before in taken
     closes = behind >= len(tokens) or tokens[behind].kind in _BREAKS or behind in taken
-    return 1.25 if opens and closes else 0.0
+    substance = phrase.determiner or phrase.last - phrase.first > 1 or _own_worth(tokens, phrase) > 0
+    return 1.25 if opens and closes and substance else 0.0
 
 
 def _delivered(back: list[str]) -> bool:
@@ -260,6 +270,8 @@ def _delivered(back: list[str]) -> bool:
     for depth, word in enumerate(back[:5]):
         if word in _DELIVER:
             subject = back[depth + 1 : depth + 3]
+            if word in _BOTH_WAYS and subject and subject[0] not in _COMMANDING:
+                return False
             if word in ("put", "placed", "place", "left", "set") and set(subject) & (_SELF | {"have"}):
                 return False
             return True
@@ -323,6 +335,8 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
             score += 1.0
     elif near & lex.ANCHORS and first in ("is", "that", "which", "in", ",", "="):
         score += 1.5
+    if first in _PERSONS_DO:
+        score -= 2.0
     if first in ("marks", "hangs", "stands", "sits", "shows", "="):
         score += 2.5
     if first == "hanging" or first == "standing":
@@ -338,6 +352,10 @@ def _cues_after(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     return score
 
 
+_BOTH_WAYS = words("put puts placed place set left")
+_COMMANDING = words("please and you to kindly just or then , be it")
+
+
 def _said_after_it(tokens: list[Token], phrase: Phrase) -> float:
     """ "... a cactus! It's sitting in my window": the next sentence places the thing at the window."""
     at = phrase.last
@@ -347,7 +365,7 @@ def _said_after_it(tokens: list[Token], phrase: Phrase) -> float:
         return 0.0
     rest = [t.norm for t in tokens[at + 1 : at + 14] if t.sentence == tokens[phrase.last - 1].sentence + 1]
     if rest[:1] == ["it"] and set(rest) & lex.ANCHORS and set(rest) & lex.MY:
-        return 2.0
+        return 4.0
     return 0.0
 
 

@@ -56,6 +56,9 @@ class _Chunker:
         return self._tokens[at].norm if 0 <= at < self._size and at not in self._taken else ""
 
     def _phrase(self, at: int) -> Phrase | None:
+        token = self._tokens[at]
+        if at in self._taken or token.norm in _NEVER_FIRST or token.kind not in (Kind.WORD, Kind.CARDINAL):
+            return None
         lead = at
         determiner = ""
         while at - lead < 4 and self._norm(at) in lex.DETERMINERS and self._tokens[at].is_word:
@@ -245,5 +248,10 @@ class _Chunker:
 
 _PLACES_AND_PEOPLE = (
     lex.PEOPLE | lex.ANCHORS | lex.FLOOR_NOUNS | words("building block tower house street side floor mine ours room")
+)
+_NEVER_FIRST = frozenset(
+    word
+    for word in lex.CLOSED - lex.DETERMINERS - lex.EVALUATIVE - lex.NOUN_OR_VERB
+    if not word.endswith(("ing", "ed"))
 )
 _BEFORE_CAN = words("tin trash garbage oil petrol soda paint spray beer milk cola rubbish water jerry coke")

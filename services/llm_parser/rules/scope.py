@@ -1,5 +1,6 @@
 """Whose is it, is it meant, and is it still so: the context of a mention."""
 
+import re
 from enum import Enum
 
 from services.llm_parser.rules import lexicon as lex
@@ -34,9 +35,19 @@ def owner_before(tokens: list[Token], at: int, floor: int = 0) -> Owner:
             break
         if token.is_word:
             owner = _owner_word(tokens, back, at)
+            if owner is Owner.SOMEONE and token.norm in _THIRD and _names_people(tokens, back):
+                return Owner.NEIGHBOUR
             if owner is not None:
                 return owner
     return Owner.UNSAID
+
+
+_THIRD = words("he she they his her their")
+
+
+def _names_people(tokens: list[Token], at: int) -> bool:
+    """Does a pronoun at `at` follow a neighbour whom it may stand for?"""
+    return any(t.norm in lex.PEOPLE for t in tokens[max(0, at - 12) : at])
 
 
 def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
@@ -311,7 +322,13 @@ _CONFIRMATIONS = (
 )
 
 
-_GOES_ON = words("that which it but not no and so is was = he she they - (")
+def _any_of(phrases: tuple[str, ...]) -> re.Pattern[str]:
+    return re.compile("(?<= )(?:" + "|".join(re.escape(phrase.strip()) for phrase in phrases) + ")(?= )")
+
+
+_DENIAL = _any_of(_DENIALS)
+_CONFIRMATION = _any_of(_CONFIRMATIONS)
+_GOES_ON = words("you then that which it but not no and so is was = he she they - (")
 
 
 def after(tokens: list[Token], at: int, limit: int) -> str:
@@ -338,13 +355,9 @@ def denied_after(text: str) -> bool:
         first, second = own.split("|", 1)
         goes_on = second.startswith((" that is", " it is not", " not", " stay away"))
         own = first + (second.split("|")[0] if goes_on else "")
-    return any(_has(own, phrase) for phrase in _DENIALS)
+    return _DENIAL.search(own) is not None
 
 
 def confirmed_after(text: str) -> bool:
     """Is what stood before `text` claimed by it: "... is mine", "... that's us"?"""
-    return any(_has(text, phrase) for phrase in _CONFIRMATIONS) and "not m" not in text and "not o" not in text
-
-
-def _has(text: str, phrase: str) -> bool:
-    return f" {phrase.strip()} " in text
+    return _CONFIRMATION.search(text) is not None and "not m" not in text and "not o" not in text

@@ -99,11 +99,11 @@ _LONG_TARGETS = sorted(
         | words(
             "window windows windowsill balcony sill ledge outside inside beside behind between near next with there "
             "their where which that this these from the look looking find spot have having please because should "
-            "would could leave deliver delivery bring parcel package building neighbour neighbours apartment "
-            "hanging standing sitting thanks thank and your under above below opposite against instead wrong before "
-            "after already something someone number about don't through right front door doors waiting knock mine "
-            "careful always still just only also want need what when will help visible really very terrace railing "
-            "glass marked placed though"
+            "would could leave deliver delivery bring parcel package building neighbour neighbours neighbor "
+            "neighbors again apartment hanging standing sitting thanks thank and your under above below opposite "
+            "against instead wrong before after already something someone number about don't through right front "
+            "door doors waiting knock mine careful always still just only also want need what when will help "
+            "visible really very terrace railing glass marked placed though"
         )
         | CARDINALS.keys()
         | ORDINALS.keys()
@@ -165,6 +165,7 @@ _KNOWN = (
 )
 
 
+_ONE_SPELLING = {"neighbor": "neighbour", "neighbors": "neighbours"}
 _LONG_DRAWN = re.compile(r"(.)\1{2,}")
 
 
@@ -189,7 +190,7 @@ def repair(word: str) -> tuple[str, bool]:
     distance, target = min(close)
     if distance == 2 and (len(target) < 6 or not _same_ends(word, target)):
         return word, False
-    return target, True
+    return _ONE_SPELLING.get(target, target), True
 
 
 def _squeeze(word: str) -> tuple[str, bool]:
