@@ -1,6 +1,7 @@
 """Bounded concurrency with a bounded queue in front of one model."""
 
 import asyncio
+import contextlib
 from collections import deque
 from types import TracebackType
 from typing import Self
@@ -47,7 +48,8 @@ class Admission:
             if turn.done() and not turn.cancelled():
                 self._leave()  # the place was already handed over: pass it on
             else:
-                self._waiting.remove(turn)
+                with contextlib.suppress(ValueError):  # whoever left meanwhile has already passed it over
+                    self._waiting.remove(turn)
             raise
         return self
 

@@ -1,16 +1,17 @@
 """The model that ships with the project, behind the port: pixels and text in, decoded and run off the event loop."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.vlm_gateway import Match
+from contracts.geometry import PointLabel
+from contracts.vlm_gateway import MarkedPoint, Match
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.backends.base import (
@@ -26,11 +27,27 @@ from services.vlm_gateway.backends.base import (
     Reply,
     Sightings,
 )
-from services.vlm_gateway.embedded import EmbeddedModel, OutOfVocabulary
+from services.vlm_gateway.embedded import BoxSeen, FloorsSeen, OutOfVocabulary, Sighting
 from services.vlm_gateway.errors import ModelTimeout
 
 T = TypeVar("T")
 MAX_MATCHES = 25
+
+
+class PixelModel(Protocol):
+    """A model in this process, called from several threads at once; pictures are (H, W, 3) uint8 RGB."""
+
+    @property
+    def version(self) -> str: ...
+
+    def count_floors(self, rgb: NDArray[np.uint8]) -> FloorsSeen: ...
+
+    def building_box(self, rgb: NDArray[np.uint8]) -> BoxSeen | None: ...
+
+    def find_object(self, views: Sequence[NDArray[np.uint8]], phrase: str) -> list[Sighting]:
+        """Raises OutOfVocabulary."""
+
+    def choose_direction(self, rgb: NDArray[np.uint8], points: Sequence[MarkedPoint]) -> PointLabel: ...
 
 
 class EmbeddedBackend:
@@ -39,7 +56,7 @@ class EmbeddedBackend:
     kind: Kind = "embedded"
     cacheable = True
 
-    def __init__(self, model: EmbeddedModel, *, alias: str, concurrency: int, queue: int, timeout_s: float) -> None:
+    def __init__(self, model: PixelModel, *, alias: str, concurrency: int, queue: int, timeout_s: float) -> None:
         self._model = model
         self._alias = alias
         self._timeout_s = timeout_s

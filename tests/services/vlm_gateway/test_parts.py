@@ -159,6 +159,7 @@ class Shelf:
         self.asked = 0
         self.gate = asyncio.Event()
         self.gate.set()
+        self.pinged = asyncio.Event()
 
     async def get(self, key: str) -> bytes | None:
         self.asked += 1
@@ -177,6 +178,7 @@ class Shelf:
     async def ping(self) -> None:
         if self.down:
             raise CacheDown("down")
+        self.pinged.set()
 
     async def close(self) -> None:
         return
@@ -207,8 +209,8 @@ async def test_after_one_failure_the_store_is_left_alone_until_it_answers_a_prob
     assert [await cache.get("k") for _ in range(5)] == [None] * 5
     assert (shelf.asked, cache.state) == (1, "down")
     shelf.down = False
-    while cache.state == "down":
-        await asyncio.sleep(0.005)
+    await shelf.pinged.wait()
+    assert cache.state == "ok"
     assert await cache.get("k") == b"v"
     await cache.close()
 

@@ -1,0 +1,139 @@
+"""The embedded back end's own work: decoding, threads, deadlines, and what its model cannot name. The model is a
+small one here; the real one's seeing is tested beside it."""
+
+import asyncio
+import threading
+from collections.abc import AsyncIterator, Callable, Sequence
+from typing import Any
+
+import cv2
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from contracts.geometry import Box, PointLabel
+from contracts.vlm_gateway import MarkedPoint
+from service_kit.errors import BadQuestion
+from services.vlm_gateway.backends.base import AskedView, BuildingAsk, FloorsAsk, ObjectAsk, Picture
+from services.vlm_gateway.backends.embedded import EmbeddedBackend
+from services.vlm_gateway.embedded import BoxSeen, FloorsSeen, OutOfVocabulary, Sighting
+from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout
+from tests.conftest import Serve
+from tests.services.vlm_gateway.kit import build, find_body, picture, post
+
+BOX = Box(x_min=0.1, y_min=0.1, x_max=0.2, y_max=0.3)
+RGB = NDArray[np.uint8]
+
+
+class SmallModel:
+    """Counts a picture's brightness as floors, sees what is called "pot" wherever it is bright, and can be held."""
+
+    version = "small-1"
+
+    def __init__(self) -> None:
+        self.free = threading.Event()
+        self.free.set()
+
+    def count_floors(self, rgb: RGB) -> FloorsSeen:
+        self.free.wait(30)
+        return FloorsSeen(int(rgb[..., 0].mean()) // 50, (), 1.0)
+
+    def building_box(self, rgb: RGB) -> BoxSeen | None:
+        return BoxSeen(BOX, 0.9) if rgb.mean() > 50 else None
+
+    def find_object(self, views: Sequence[RGB], phrase: str) -> list[Sighting]:
+        if "pot" not in phrase:
+            raise OutOfVocabulary(phrase)
+        return [Sighting(i, BOX, float(rgb.mean()) / 255) for i, rgb in enumerate(views) if rgb.mean() > 50]
+
+    def choose_direction(self, rgb: RGB, points: Sequence[MarkedPoint]) -> PointLabel:
+        return points[-1].label
+
+
+def shaded(red: int, green: int = 0, blue: int = 0) -> Picture:
+    ok, data = cv2.imencode(".png", np.full((16, 16, 3), (blue, green, red), np.uint8))
+    assert ok
+    return Picture(data.tobytes(), 16, 16)
+
+
+Make = Callable[..., EmbeddedBackend]
+
+
+@pytest.fixture
+def model() -> SmallModel:
+    return SmallModel()
+
+
+@pytest.fixture
+async def make(model: SmallModel) -> AsyncIterator[Make]:
+    made: list[EmbeddedBackend] = []
+
+    def one(**settings: Any) -> EmbeddedBackend:
+        values = {"alias": "e", "concurrency": 1, "queue": 2, "timeout_s": 20.0} | settings
+        made.append(EmbeddedBackend(model, **values))
+        return made[-1]
+
+    yield one
+    model.free.set()
+    for backend in made:
+        await backend.close()
+
+
+async def test_the_model_gets_red_green_and_blue_in_this_order(make: Make) -> None:
+    reply = await make().count_floors(FloorsAsk(shaded(250, 100, 0), None))
+    assert reply.content is not None
+    assert reply.content.count == 5
+
+
+async def test_no_building_is_an_answer_and_a_building_a_box(make: Make) -> None:
+    backend = make()
+    dark = await backend.find_building(BuildingAsk(shaded(0), None))
+    bright = await backend.find_building(BuildingAsk(shaded(250, 250, 250), None))
+    assert dark.content is not None
+    assert bright.content is not None
+    assert (dark.content.box, bright.content.box) == (None, BOX)
+
+
+async def test_sightings_name_their_view_by_heading_the_surest_first(make: Make) -> None:
+    views = (AskedView(-90, shaded(200, 200, 200)), AskedView(0, shaded(0)), AskedView(45, shaded(250, 250, 250)))
+    reply = await make().find_object(ObjectAsk("green pot", views, None))
+    assert reply.content is not None
+    assert [match.heading_deg for match in reply.content.matches] == [45, -90]
+
+
+async def test_a_thing_it_has_no_word_for_is_refused_and_not_denied(make: Make) -> None:
+    reply = await make().find_object(ObjectAsk("gramophone", (AskedView(0, picture()),), None))
+    assert (reply.outcome, reply.content) == ("refused", None)
+    assert "gramophone" in (reply.text or "")
+
+
+async def test_data_that_belies_its_header_is_the_caller_s_fault(make: Make) -> None:
+    cut = Picture(picture().jpeg[:200], 80, 60)
+    with pytest.raises(BadQuestion, match="could not be decoded"):
+        await make().count_floors(FloorsAsk(cut, None))
+
+
+async def test_a_model_that_takes_too_long_is_a_timeout_and_a_full_queue_is_overload(
+    make: Make, model: SmallModel
+) -> None:
+    model.free.clear()
+    backend = make(timeout_s=0.3)
+    calls = [backend.count_floors(FloorsAsk(shaded(100), None)) for _ in range(5)]
+    kinds = [type(result) for result in await asyncio.gather(*calls, return_exceptions=True)]
+    assert kinds.count(ModelTimeout) == 3
+    assert kinds.count(ModelOverloaded) == 2
+
+
+async def test_health_is_answered_while_the_model_thinks(make: Make, model: SmallModel, serve: Serve) -> None:
+    model.free.clear()
+    url = serve(build({"e": make()}).app)
+    body = {"image": find_body()["views"][0]["image"]}
+    async with httpx.AsyncClient(timeout=20) as client:
+        asked = asyncio.create_task(client.post(url + "/v1/floor-count", json=body))
+        while (await client.get(url + "/v1/status")).json()["models"]["e"]["running"] == 0:
+            assert not asked.done()
+        assert (await client.get(url + "/healthz")).status_code == 200
+        model.free.set()
+        assert (await asked).json()["outcome"] == "answered"
+    assert post(url, "/v1/find-object", find_body()).json()["model"] == "embedded-small-1"
