@@ -2,7 +2,8 @@
 
 Three different things can go wrong and are never mixed: the model says no (`answered`, with `found` false or a null
 box), its answer can't be read (`unreadable`, or `refused` where it declined), or it can't be reached (an error with
-code `model_unreachable`, `model_timeout` or `model_overloaded`, or `not_recorded` in replay mode; no answer at all).
+code `model_unreachable`, `model_timeout`, `model_overloaded` or `model_rejected`, or `not_recorded` in replay mode; no
+answer at all).
 """
 
 from typing import Literal
