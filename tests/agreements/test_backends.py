@@ -54,8 +54,7 @@ BUILDING = BuildingAsk(PICTURE, "e1")
 OBJECT = ObjectAsk("green flower pot", tuple(AskedView(h, PICTURE) for h in VIEW_HEADINGS_DEG), "e1")
 LABELS = ("a", "b", "c")
 POINTS = tuple(
-    MarkedPoint(label=label, x=x, y=0.5, distance_m=3.0)  # type: ignore[arg-type]
-    for label, x in zip(LABELS, (0.2, 0.5, 0.8), strict=True)
+    MarkedPoint(label=label, x=x, y=0.5, distance_m=3.0) for label, x in zip(LABELS, (0.2, 0.5, 0.8), strict=True)
 )
 DIRECTION = DirectionAsk(90, PICTURE, POINTS, "find the green flower pot", "e1")
 

@@ -70,7 +70,7 @@ async def make(model: SmallModel) -> AsyncIterator[Make]:
     made: list[EmbeddedBackend] = []
 
     def one(**settings: Any) -> EmbeddedBackend:
-        values = {"alias": "e", "concurrency": 1, "queue": 2, "timeout_s": 20.0} | settings
+        values: dict[str, Any] = {"alias": "e", "concurrency": 1, "queue": 2, "timeout_s": 20.0} | settings
         made.append(EmbeddedBackend(model, **values))
         return made[-1]
 

@@ -31,7 +31,7 @@ from tests.services.vlm_gateway.small_sim import BOX, SmallSim
 VIEWS: Any = tuple(AskedView(h, picture()) for h in HEADINGS)  # type: ignore[arg-type]
 FIND = ObjectAsk("whatever the customer said", VIEWS, "e1")
 POINTS = tuple(
-    MarkedPoint(label=label, x=x, y=0.5, distance_m=4.0)  # type: ignore[arg-type]
+    MarkedPoint(label=label, x=x, y=0.5, distance_m=4.0)
     for label, x in zip("abcde", (1 / 6, 2 / 6, 0.5, 4 / 6, 5 / 6), strict=True)
 )
 
@@ -128,7 +128,7 @@ def test_over_http_it_is_never_cached_and_works_in_replay_too(serve: Serve, sim:
     url_of_sim = serve(sim.app)
     for mode in ("on", "replay"):
         oracle = OracleBackend(ServiceClient("sim", url_of_sim), OracleModelConfig(backend="oracle"))
-        url = serve(build({"oracle": oracle}, cache=sqlite_cache(tmp_path), mode=mode).app)  # type: ignore[arg-type]
+        url = serve(build({"oracle": oracle}, cache=sqlite_cache(tmp_path), mode=mode).app)
         sim.objects = {}
         first = post(url, "/v1/find-object", find_body(oracle_episode="e1")).json()
         sim.shows(0)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from contracts.images import encode_jpeg
+from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import (
@@ -259,7 +260,7 @@ def test_a_gigabyte_is_refused_before_it_is_sent(serve: Serve) -> None:
 
 
 def test_status_models_and_readiness_tell_what_is_there(serve: Serve, mock: OpenAiMock, tmp_path: Path) -> None:
-    backends = {"m": chat_backend(mock, key="sk-1"), "s": scripted()}
+    backends: dict[str, Backend] = {"m": chat_backend(mock, key="sk-1"), "s": scripted()}
     url = serve(build(backends, cache=sqlite_cache(tmp_path), token=None).app)
     listed = httpx.get(url + "/v1/models").json()
     assert [(model["id"], model["chat"]) for model in listed["data"]] == [("m", True), ("s", False)]
