@@ -143,7 +143,8 @@ class ApproachQuestion(Wire):
 class ApproachAnswer(Wire):
     """`target`: the thing's place by depth (its z is the height above ground). `facing_yaw`: towards the facade it
     stands at, along the facade's estimated normal; `plane_share` is how much of the surroundings lies on the plane that
-    was fitted, 0 where none fitted and the facade is taken to face the drone. `path`: waypoints in flying order.
+    was fitted, 0 where none fitted and the facade is taken to face the drone. `path`: waypoints in flying order; empty
+    with `clear` where nothing stands in the way but no camera looks along it: turn to `facing_yaw` and look again.
     `reached`: the path ends at `stop` rather than at a cut-off leg. `target_distance_m`: level, from the drone.
     `free_distance_m`: how much of the straight line towards `stop` is free. `status` other than `clear` comes with an
     empty path: `blocked` where no free way was seen, `no_depth` where nothing is measured in the box."""

@@ -46,7 +46,8 @@ class Settings(NamedTuple):
 class Approach(NamedTuple):
     """`status`: `clear` with a path; `blocked`: no free way was seen; `no_depth`: nothing measurable in the box.
 
-    `path`: waypoints in flying order, without the start. `reached`: the path ends at `stop`, not at a cut-off leg.
+    `path`: waypoints in flying order, without the start; empty where nothing is known to stand in the way but no camera
+    looks along it: turn to the facade and look again. `reached`: the path ends at `stop`, not at a cut-off leg.
     `free_distance_m`: how far the straight line towards the stop is free."""
 
     status: Literal["clear", "blocked", "no_depth"]
@@ -64,7 +65,8 @@ def plan_approach(
 
     Straight if that is free, else by one corner: sideways or back first, then in. A way is free where a ball of the
     drone's radius + clearance touches no return of any view, and every part of it lies where some view looked
-    through. `others` are further views of the same moment. `max_leg_m` caps the whole flight.
+    through. Where only the second leg is out of sight, the path ends at the corner, for another look from there.
+    `others` are further views of the same moment. `max_leg_m` caps the whole flight.
     """
     found = targets.locate(view, box, pose, settings.target)
     if found is None:
@@ -75,11 +77,19 @@ def plan_approach(
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)
     free = free_along(points, start, stop, settings)
+    halfway: tuple[Place, ...] | None = None
     for way in _ways(start, stop, found, settings):
-        if _is_free(way, points, views, pose, settings):
+        if not _is_free(way, points, settings):
+            continue
+        if _is_seen(way, views, pose, settings):
             path, reached = _cut(way, max_leg_m)
             return Approach("clear", found, stop, path, reached, free)
-    return Approach("blocked", found, stop, (), False, free)
+        if len(way) > 2 and halfway is None and _is_seen(way[:2], views, pose, settings):
+            halfway = way[:2]
+    if halfway is not None:
+        return Approach("clear", found, stop, _cut(halfway, max_leg_m)[0], False, free)
+    hidden = free >= math.dist(start, stop) - 1e-6
+    return Approach("clear" if hidden else "blocked", found, stop, (), False, free)
 
 
 def stop_place(target: Target, points: Points, pose: Pose, settings: Settings) -> Place:
@@ -142,13 +152,12 @@ def _within_reach(points: Points, start: Place, stop: Place, settings: Settings)
     return kept
 
 
-def _is_free(
-    way: tuple[Place, ...], points: Points, views: Sequence[DepthView], pose: Pose, settings: Settings
-) -> bool:
-    legs = list(pairwise(way))
-    if any(free_along(points, a, b, settings) < math.dist(a, b) - 1e-6 for a, b in legs):
-        return False
-    return all(_looked_through(a, b, views, pose, settings) for a, b in legs)
+def _is_free(way: tuple[Place, ...], points: Points, settings: Settings) -> bool:
+    return all(free_along(points, a, b, settings) >= math.dist(a, b) - 1e-6 for a, b in pairwise(way))
+
+
+def _is_seen(way: tuple[Place, ...], views: Sequence[DepthView], pose: Pose, settings: Settings) -> bool:
+    return all(_looked_through(a, b, views, pose, settings) for a, b in pairwise(way))
 
 
 def _looked_through(a: Place, b: Place, views: Sequence[DepthView], pose: Pose, settings: Settings) -> bool:

@@ -1,0 +1,77 @@
+"""Stand-off and upper edge of a facade, in a ray-cast world."""
+
+import math
+
+import numpy as np
+import pytest
+
+from navigation.camera import Depth, Pose, pinhole
+from navigation.facade import Settings, facade_top_m, stand_off_m
+from tests.navigation.raycast_world import Prism, World, rectangle
+
+USUAL = Settings()
+CAMERA = pinhole(200, 200)
+
+
+def _front(*prisms: Prism, z: float = 9.0, away: float = 9.0) -> Depth:
+    """From `away` metres south of y = 0, looking north."""
+    return World(prisms, ground=True).depth(Pose(0.0, -away, z, math.pi / 2), 0, CAMERA)
+
+
+def _block(top: float, y: float = 5.0, depth: float = 10.0, bottom: float = 0.0) -> Prism:
+    return Prism(rectangle(0.0, y, 30.0, depth), bottom, top)
+
+
+def _top(depth: Depth, z: float = 9.0, stand_off: float = 9.0) -> float | None:
+    return facade_top_m(depth, stand_off, z, USUAL)
+
+
+def test_the_stand_off_is_the_facades_distance() -> None:
+    assert stand_off_m(_front(_block(20.0)), USUAL) == pytest.approx(9.0)
+
+
+def test_a_pole_in_front_does_not_change_the_stand_off() -> None:
+    pole = Prism(rectangle(0.3, -4.0, 0.2, 0.2), 0.0, 30.0)
+    assert stand_off_m(_front(_block(20.0), pole), USUAL) == pytest.approx(9.0)
+
+
+def test_without_a_facade_there_is_no_stand_off() -> None:
+    assert stand_off_m(np.full((50, 50), np.inf, np.float32), USUAL) is None
+    assert stand_off_m(np.full((50, 50), np.nan, np.float32), USUAL) is None
+
+
+@pytest.mark.parametrize("top", [4.0, 10.0, 15.0, 17.5])
+def test_the_top_of_a_flat_roof_is_measured_to_a_pixel(top: float) -> None:
+    assert _top(_front(_block(top))) == pytest.approx(top, abs=9.0 / 100 * 1.5)
+
+
+def test_a_wall_that_reaches_the_pictures_edge_has_its_top_out_of_sight() -> None:
+    assert _top(_front(_block(18.5))) is None
+
+
+def test_a_higher_house_behind_is_not_the_facade() -> None:
+    assert _top(_front(_block(6.0), _block(40.0, y=30.0))) == pytest.approx(6.0, abs=0.15)
+
+
+def test_setbacks_of_upper_floors_belong_to_the_facade() -> None:
+    storeys = [_block(4.0 * (k + 1), y=5.0 + 1.0 * k, bottom=4.0 * k) for k in range(3)]
+    assert _top(_front(*storeys)) == pytest.approx(12.0, abs=0.2)
+
+
+def test_a_receding_roof_is_not_wall() -> None:
+    depth = _front(_block(9.0))
+    slope = np.arange(200) < 100  # above the eaves, a roof of 30 degrees: depth = 9 / (1 - u / tan 30)
+    u = (100 - np.arange(200) - 0.5) / 100
+    with np.errstate(divide="ignore"):
+        roof = np.where(u < 0.5, 9.0 / (1 - u / math.tan(math.radians(30.0))), np.inf)
+    roof = np.where((roof > 0) & (roof < 14.0), roof, np.inf)
+    depth[slope] = roof[slope, None]
+    assert _top(depth) == pytest.approx(9.0, abs=0.2)
+
+
+def test_a_roof_below_the_picture_gives_the_pictures_lower_edge() -> None:
+    assert _top(_front(_block(6.0), z=30.0), z=30.0) == pytest.approx(21.0)
+
+
+def test_a_picture_that_is_mostly_invalid_says_nothing() -> None:
+    assert _top(np.full((200, 200), np.nan, np.float32)) is None
