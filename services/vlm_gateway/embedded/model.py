@@ -25,7 +25,8 @@ FOLDER = Path(__file__).parent
 ROW_APART = 7
 BOX_LIKELY = 0.5
 NOMINAL_PX = 800
-FAR_ENOUGH = 0.6
+WAY_FOR_WIDTH_M = 20.0
+"""So many metres of way outweigh a whole picture's width towards the building."""
 
 __all__ = ["BoxSeen", "EmbeddedModel", "FloorsSeen", "OutOfVocabulary", "Sighting"]
 
@@ -117,10 +118,10 @@ class EmbeddedModel:
         return sorted(seen, key=lambda s: -s.confidence)
 
     def choose_direction(self, rgb: Picture, points: Sequence[MarkedPlace]) -> PointLabel:
-        """Round a building on the right: the point farthest right among those with a long free way, so that the way
-        hugs the facade and turns with its corner."""
-        longest = max(p.distance_m for p in points)
-        return max((p for p in points if p.distance_m >= FAR_ENOUGH * longest), key=lambda p: p.x).label
+        """Round a building on the right: far to the right, so that the way hugs the facade and turns with its corner,
+        but not at the price of a short way. The distances that are asked with the points decide; the picture is that
+        of the view which looks along the facade already."""
+        return max(points, key=lambda p: p.distance_m / WAY_FOR_WIDTH_M + p.x).label
 
     def _look(self, view: int, picture: Picture, code: Coded, colour: str, kinds: list[int]) -> list[Sighting]:
         number = self._vocabulary.colours.index(colour)
