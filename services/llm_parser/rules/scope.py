@@ -50,6 +50,15 @@ def _names_people(tokens: list[Token], at: int) -> bool:
     return any(t.norm in lex.PEOPLE for t in tokens[max(0, at - 12) : at])
 
 
+_OTHER_ONE = words("one window has have is flat balcony with apartment sill")
+
+
+def _mine_said(tokens: list[Token], at: int) -> bool:
+    """Was the customer's own named before "the other one" in the same sentence?"""
+    sentence = tokens[at].sentence
+    return any(t.norm in ("mine", "ours", "my", "our") and t.sentence == sentence for t in tokens[max(0, at - 14) : at])
+
+
 def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
     """What the word at `at` says about the owner of what is mentioned at `mention`."""
     word = tokens[at].norm
@@ -57,7 +66,11 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
     following = tokens[at + 1].norm if at + 1 < len(tokens) else ""
     if word in lex.MY:
         return Owner.UNSAID if word == "me" and before in ("tell", "tells", "told", "ask", "asked") else Owner.MINE
-    if word in lex.PEOPLE or word in ("else", "else's", "hers", "theirs") or (word == "door" and before == "next"):
+    if word == "other" and following in _OTHER_ONE and _mine_said(tokens, at):
+        return Owner.NEIGHBOUR
+    if word in ("else", "else's") and before in _SOMEBODY:
+        return Owner.NEIGHBOUR
+    if word in lex.PEOPLE or word in ("hers", "theirs") or (word == "door" and before == "next"):
         return Owner.NEIGHBOUR
     if word in _RESET or (word == "it" and following in ("is", "'s")):
         return Owner.UNSAID
@@ -67,8 +80,6 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.SOMEONE
     if word in _SOMEBODY and (following in _PRONOUN_HAS or following in ("else", "'s", "with", "on", "in")):
         return Owner.NEIGHBOUR if following in ("else", "with") else Owner.SOMEONE
-    if word == "nobody":
-        return Owner.SOMEONE
     if word in ("upstairs", "downstairs") and before in ("from", "family", "people", "one", "guys", "lot"):
         return Owner.NEIGHBOUR
     owns = following in ("has", "have", "owns", "keeps") and at + 1 < mention
@@ -266,9 +277,6 @@ _DENIALS = (
     "is wrong",
     "by mistake",
     "that is them",
-    "belongs to my",
-    "belongs to the",
-    "belongs to a ",
     "not where",
     "is the neighbour",
     "is my neighbour",
@@ -327,6 +335,7 @@ def _any_of(phrases: tuple[str, ...]) -> re.Pattern[str]:
 
 
 _DENIAL = _any_of(_DENIALS)
+_BELONGS_ELSEWHERE = re.compile(r" belongs? to (?!me |us |my (?!neighbour)|our (?!neighbour))| = not ")
 _CONFIRMATION = _any_of(_CONFIRMATIONS)
 _GOES_ON = words("you then that which it but not no and so is was = he she they - (")
 
@@ -348,14 +357,18 @@ def after(tokens: list[Token], at: int, limit: int) -> str:
     return " " + " ".join(said).replace(" 's", " is") + " "
 
 
+# "my ..." opens a matter of the customer's own, but "is my neighbour's" and "belongs to my ..." go on about the thing
+_ANOTHER_MATTER = re.compile(r"(?<! belongs to) my (?!neighbour )")
+
+
 def denied_after(text: str) -> bool:
     """Is what stood before `text` taken back by it: "... that's the wrong one", "... but not any more"?"""
-    own = text.split(" my ")[0] if " not my " not in text else text
+    own = _ANOTHER_MATTER.split(text)[0] if " not my " not in text else text
     if "|" in own:
         first, second = own.split("|", 1)
         goes_on = second.startswith((" that is", " it is not", " not", " stay away"))
         own = first + (second.split("|")[0] if goes_on else "")
-    return _DENIAL.search(own) is not None
+    return _DENIAL.search(own) is not None or _BELONGS_ELSEWHERE.search(own) is not None
 
 
 def confirmed_after(text: str) -> bool:
