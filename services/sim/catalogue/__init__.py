@@ -7,7 +7,17 @@ texture set needs.
 """
 
 from contracts.sim import Catalogue, CatalogueEntry
-from services.sim.catalogue import containers, food, furniture, household, ornaments, posters, tools, toys
+from services.sim.catalogue import (  # noqa: F401 - a category's module lists its classes when it is imported
+    containers,
+    food,
+    furniture,
+    household,
+    ornaments,
+    posters,
+    tools,
+    toys,
+    wall_ornaments,
+)
 from services.sim.catalogue.palette import COLOURS
 from services.sim.catalogue.posters import poster_layers
 from services.sim.catalogue.registry import UnknownClass, UnknownColour, build, listed

@@ -4,12 +4,12 @@ from math import cos, pi, sin
 
 from shapely import LineString, box, unary_union
 
-from services.sim.catalogue.palette import BRIGHT, CREAM, GOLD, INK, LEAF, Look
-from services.sim.catalogue.parts import arch, mark, rectangle, ring, silhouette, tapered
+from services.sim.catalogue.palette import BRIGHT, CREAM, GOLD, INK, Look
+from services.sim.catalogue.parts import arch, mark, rectangle, silhouette, tapered
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
-from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, rod, tube
+from services.sim.geometry.solids import cylinder, ellipsoid, lathe, rod, tube
 
 
 @catalogued(
@@ -24,7 +24,7 @@ from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, ro
     "pot plant",
     colours=(*BRIGHT, "brown"),
     places=STANDING,
-    size_m=(0.5, 0.5, 0.62),
+    size_m=(0.52, 0.51, 0.62),
 )
 def flower_pot(look: Look) -> Mesh:
     pot = lathe(
@@ -56,7 +56,7 @@ def flower_pot(look: Look) -> Mesh:
     "plastic bucket",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "pink", "black"),
     places=STANDING,
-    size_m=(0.47, 0.47, 0.66),
+    size_m=(0.47, 0.48, 0.66),
 )
 def bucket(look: Look) -> Mesh:
     body = lathe(
@@ -79,7 +79,7 @@ def bucket(look: Look) -> Mesh:
     "hamper",
     colours=("brown", "white", "yellow", "pink", "blue", "green", "red"),
     places=STANDING,
-    size_m=(0.4, 0.66, 0.55),
+    size_m=(0.41, 0.68, 0.55),
 )
 def basket(look: Look) -> Mesh:
     parts = [tapered((0.3, 0.5), (0.38, 0.64), 0.26, (0, 0, 0), look.main)]
@@ -99,7 +99,6 @@ def basket(look: Look) -> Mesh:
             silhouette(cloth, 0.01, fabric, x=0.205),
             mark(check, 0.216, look.other(spots, "#3567c4", "red", "pink")),
             block((0.34, 0.58, 0.03), (0, 0, 0.275), fabric),
-            ring(0.001, 0.001, (0, 0, 0.27), look.main, 3, 3),
             arch((0, -0.31, 0.24), (0, 0.31, 0.24), (0, 0, 0.28), 0.03, look.main, 10, 6),
         ]
     )
@@ -114,7 +113,7 @@ def basket(look: Look) -> Mesh:
     "box of apples",
     colours=("brown", "red", "blue", "green", "yellow", "white"),
     places=STANDING,
-    size_m=(0.42, 0.66, 0.46),
+    size_m=(0.42, 0.66, 0.47),
 )
 def crate(look: Look) -> Mesh:
     parts = [block((0.36, 0.6, 0.33), (0, 0, 0.17), "#15120f")]
@@ -137,7 +136,7 @@ def crate(look: Look) -> Mesh:
     "drum barrel",
     colours=("brown", "red", "blue", "green", "black", "white"),
     places=BIG,
-    size_m=(0.78, 0.72, 0.95),
+    size_m=(0.79, 0.72, 0.95),
 )
 def barrel(look: Look) -> Mesh:
     radius = [(0.0, 0.27), (0.16, 0.325), (0.32, 0.35), (0.475, 0.36), (0.63, 0.35), (0.79, 0.325), (0.95, 0.27)]
@@ -166,7 +165,7 @@ def barrel(look: Look) -> Mesh:
     "ceramic vase",
     colours=("blue", "white", "red", "green", "purple", "black", "orange"),
     places=STANDING,
-    size_m=(0.42, 0.58, 0.7),
+    size_m=(0.45, 0.58, 0.7),
 )
 def vase(look: Look) -> Mesh:
     profile = [
@@ -217,7 +216,7 @@ def vase(look: Look) -> Mesh:
     "canister",
     colours=("green", "red", "blue", "yellow", "black", "white"),
     places=STANDING,
-    size_m=(0.22, 0.5, 0.64),
+    size_m=(0.23, 0.54, 0.63),
 )
 def jerrycan(look: Look) -> Mesh:
     shell = [
@@ -230,17 +229,18 @@ def jerrycan(look: Look) -> Mesh:
         (-0.22, 0.53),
         (-0.25, 0.5),
     ]
-    cross = unary_union(
-        [
-            LineString([(-0.18, 0.08), (0.17, 0.42)]).buffer(0.028, cap_style=2),
-            LineString([(-0.18, 0.42), (0.17, 0.08)]).buffer(0.028, cap_style=2),
-        ]
-    )
+    cross = [LineString([(-0.18, z), (0.17, 0.5 - z)]).buffer(0.028, cap_style=2) for z in (0.08, 0.42)]
     cap = rod((0, 0.18, 0.46), (0, 0.25, 0.54), 0.055, 8, look.accent)
     rails = [rod((x, -0.19, 0.61), (x, 0.09, 0.61), 0.024, 5, look.main) for x in (-0.07, 0, 0.07)]
     posts = [block((0.17, 0.05, 0.1), (0, y, 0.57), look.main) for y in (-0.18, 0.07)]
     return concatenate(
-        [silhouette(shell, 0.22, look.main), silhouette(cross, 0.01, look.accent, x=0.112), cap, *rails, *posts]
+        [
+            silhouette(shell, 0.22, look.main),
+            *[silhouette(bar, 0.01, look.accent, x=0.112 + 0.002 * i) for i, bar in enumerate(cross)],
+            cap,
+            *rails,
+            *posts,
+        ]
     )
 
 
@@ -253,7 +253,7 @@ def jerrycan(look: Look) -> Mesh:
     "rolling suitcase",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "pink", "black"),
     places=BIG,
-    size_m=(0.34, 0.6, 1.12),
+    size_m=(0.31, 0.61, 1.12),
 )
 def suitcase(look: Look) -> Mesh:
     ribs = [block((0.03, 0.05, 0.6), (0.145, y, 0.42), look.dark) for y in (-0.18, -0.06, 0.06, 0.18)]
@@ -286,7 +286,7 @@ def suitcase(look: Look) -> Mesh:
     "parcel with a bow",
     colours=BRIGHT,
     places=STANDING,
-    size_m=(0.5, 0.5, 0.66),
+    size_m=(0.51, 0.51, 0.65),
 )
 def gift_box(look: Look) -> Mesh:
     ribbon = look.other(look.other(GOLD, "#d3202a", "yellow", "orange", "white", "green"), CREAM, "red", "blue")

@@ -3,59 +3,13 @@
 from math import cos, pi, sin
 
 import numpy as np
-from shapely import Point, Polygon, unary_union
 
-from services.sim.catalogue.palette import BRIGHT, CREAM, GOLD, INK, SKIN, STEEL, Look
-from services.sim.catalogue.parts import bent, circle, disc, mark, rectangle, ring, silhouette, star, tinted
-from services.sim.catalogue.registry import BIG, HANGING, STANDING, catalogued
+from services.sim.catalogue.palette import CREAM, GOLD, INK, SKIN, Look
+from services.sim.catalogue.parts import bent, disc, ring
+from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
 from services.sim.geometry.solids import cone, cylinder, ellipsoid, frustum, lathe, quad, rod, tube
-
-
-@catalogued(
-    "ornaments",
-    "wind chime",
-    "wind chimes",
-    "chimes",
-    "windchime",
-    "hanging chimes",
-    colours=("red", "orange", "yellow", "green", "blue", "purple", "pink", "black"),
-    places=HANGING,
-    size_m=(0.4, 0.4, 1.0),
-)
-def wind_chime(look: Look) -> Mesh:
-    parts = [cylinder(0.2, 0.06, (0, 0, 0.76), 12, look.main), cone(0.06, 0.12, (0, 0, 0.82), 6, look.main), ring(0.03, 0.009, (0, 0, 0.97), look.metal, 8, 4, "x")]
-    for i in range(6):
-        a = i * pi / 3 + pi / 6
-        y, x = 0.155 * cos(a), 0.155 * sin(a)
-        low = 0.3 - 0.07 * ((i * 2) % 3)
-        parts += [rod((x, y, low), (x, y, 0.68), 0.034, 7, look.main), rod((x, y, 0.68), (x, y, 0.77), 0.007, 3, look.ink)]
-    parts += [rod((0, 0, 0.12), (0, 0, 0.77), 0.007, 3, look.ink), cylinder(0.07, 0.03, (0, 0, 0.46), 10, look.accent), silhouette([(0, 0.0), (0.07, 0.09), (0, 0.15), (-0.07, 0.09)], 0.02, look.accent)]
-    return concatenate(parts)
-
-
-@catalogued(
-    "ornaments",
-    "paper lantern",
-    "lantern",
-    "chinese lantern",
-    "lampion",
-    "hanging lantern",
-    colours=("red", "orange", "yellow", "green", "blue", "purple", "pink", "white"),
-    places=HANGING,
-    size_m=(0.52, 0.52, 0.96),
-)
-def lantern(look: Look) -> Mesh:
-    gold = look.other(GOLD, "#c22a22", "yellow", "orange", "white")
-    profile: list[tuple[float, float]] = []
-    for i, a in enumerate(np.linspace(-1.15, 1.15, 11)):
-        profile.append((0.26 * cos(a) * (1.0 if i % 2 else 0.95), 0.55 + 0.2 * sin(a)))
-    body = lathe(profile, 14, look.main)
-    caps = [cylinder(0.12, 0.05, (0, 0, z), 10, gold) for z in (0.32, 0.73)]
-    hook = [rod((0, 0, 0.78), (0, 0, 0.9), 0.01, 4, look.ink), ring(0.03, 0.01, (0, 0, 0.92), look.ink, 8, 4, "x")]
-    tassel = [rod((0, 0, 0.24), (0, 0, 0.32), 0.01, 4, gold), ellipsoid(0.035, (0, 0, 0.24), 6, 4, gold), frustum(0.05, 0.025, 0.22, (0, 0, 0), 8, gold)]
-    return concatenate([body, *caps, *hook, *tassel])
 
 
 @catalogued(
@@ -66,21 +20,23 @@ def lantern(look: Look) -> Mesh:
     "lawn gnome",
     colours=("red", "blue", "green", "purple", "orange", "yellow", "pink"),
     places=STANDING,
-    size_m=(0.38, 0.5, 0.9),
+    size_m=(0.43, 0.53, 0.91),
 )
 def garden_gnome(look: Look) -> Mesh:
     parts = [
         lathe([(0, 0.1), (0.18, 0.1), (0.2, 0.2), (0.13, 0.44), (0, 0.46)], 12, look.main),
         lathe([(0, 0.52), (0.16, 0.52), (0.165, 0.56), (0.1, 0.7), (0.02, 0.9), (0, 0.9)], 12, look.main),
-        ellipsoid((0.12, 0.125, 0.11), (0, 0, 0.47), 10, 5, SKIN),
+        ellipsoid((0.12, 0.125, 0.11), (0, 0, 0.47), 9, 4, SKIN),
         tube([(0.09, 0, 0.46), (0.15, 0, 0.38), (0.165, 0, 0.24)], [0.1, 0.085, 0.012], 7, "#fdfdfb"),
         ellipsoid(0.034, (0.135, 0, 0.485), 6, 4, "#e88a74"),
         lathe([(0.192, 0.215), (0.18, 0.255)], 12, INK),
     ]
     for s in (-1, 1):
         parts += [
-            ellipsoid((0.12, 0.085, 0.07), (0.06, s * 0.1, 0.06), 8, 4, INK),
-            tube([(0, s * 0.13, 0.4), (0.04, s * 0.21, 0.3), (0.12, s * 0.15, 0.27)], [0.055, 0.055, 0.045], 6, look.main),
+            ellipsoid((0.12, 0.085, 0.07), (0.06, s * 0.1, 0.06), 7, 4, INK),
+            tube(
+                [(0, s * 0.13, 0.4), (0.04, s * 0.21, 0.3), (0.12, s * 0.15, 0.27)], [0.055, 0.055, 0.045], 6, look.main
+            ),
             ellipsoid(0.042, (0.14, s * 0.13, 0.27), 6, 4, SKIN),
             disc(0.017, 0.02, (0.118, s * 0.045, 0.512), INK, 6),
         ]
@@ -95,7 +51,7 @@ def garden_gnome(look: Look) -> Mesh:
     "pennant",
     colours=("red", "orange", "green", "blue", "purple", "yellow", "white", "black"),
     places=BIG,
-    size_m=(0.36, 1.1, 1.6),
+    size_m=(0.36, 1.11, 1.6),
 )
 def flag(look: Look) -> Mesh:
     def at(i: int, z: float) -> tuple[float, float, float]:
@@ -107,7 +63,10 @@ def flag(look: Look) -> Mesh:
         stripe = ((0.9, 1.1, look.main), (1.1, 1.28, look.other("#ffffff", "#d3202a", "white")), (1.28, 1.5, look.main))
         for z0, z1, colour in stripe:
             parts.append(quad([at(i, z0), at(i + 1, z0), at(i + 1, z1), at(i, z1)], colour).two_sided())
-    pole = [rod((0, 0, 0.04), (0, 0, 1.56), 0.024, 6, look.other("#d9dde0", "#6d747d", "white")), ellipsoid(0.045, (0, 0, 1.56), 7, 4, GOLD)]
+    pole = [
+        rod((0, 0, 0.04), (0, 0, 1.56), 0.024, 6, look.other("#d9dde0", "#6d747d", "white")),
+        ellipsoid(0.045, (0, 0, 1.55), 7, 4, GOLD),
+    ]
     return concatenate([*parts, *pole, frustum(0.18, 0.1, 0.07, (0, 0, 0), 10, "#5f656c")])
 
 
@@ -119,38 +78,38 @@ def flag(look: Look) -> Mesh:
     "parrot cage",
     colours=("white", "black", "red", "blue", "green", "yellow", "pink"),
     places=STANDING,
-    size_m=(0.5, 0.5, 0.85),
+    size_m=(0.5, 0.49, 0.87),
 )
 def bird_cage(look: Look) -> Mesh:
-    parts = [cylinder(0.25, 0.1, (0, 0, 0), 14, look.main), ring(0.235, 0.014, (0, 0, 0.33), look.main, 14, 3), ring(0.235, 0.014, (0, 0, 0.54), look.main, 14, 3)]
-    for i in range(12):
-        c, s = cos(i * pi / 6 + 0.13), sin(i * pi / 6 + 0.13)
-        parts.append(tube([(0.235 * c, 0.235 * s, 0.08), (0.235 * c, 0.235 * s, 0.54), (0.16 * c, 0.16 * s, 0.69), (0.01 * c, 0.01 * s, 0.76)], 0.013, 3, look.main))
+    parts = [
+        cylinder(0.25, 0.1, (0, 0, 0), 14, look.main),
+        ring(0.235, 0.014, (0, 0, 0.33), look.main, 11, 3),
+        ring(0.235, 0.014, (0, 0, 0.54), look.main, 11, 3),
+    ]
+    for i in range(11):
+        c, s = cos(i * 2 * pi / 11), sin(i * 2 * pi / 11)
+        parts.append(
+            tube(
+                [
+                    (0.235 * c, 0.235 * s, 0.08),
+                    (0.235 * c, 0.235 * s, 0.54),
+                    (0.16 * c, 0.16 * s, 0.69),
+                    (0.01 * c, 0.01 * s, 0.76),
+                ],
+                0.013,
+                3,
+                look.main,
+            )
+        )
     bird = look.other("#f6c915", "#2f7fe0", "yellow", "white")
-    parts += [ellipsoid(0.045, (0, 0, 0.765), 6, 4, look.main), ring(0.04, 0.012, (0, 0, 0.82), look.main, 8, 4, "x")]
+    parts += [ellipsoid(0.045, (0, 0, 0.765), 6, 4, look.main), ring(0.04, 0.012, (0, 0, 0.82), look.main, 7, 3, "x")]
     parts += [rod((0, -0.2, 0.27), (0, 0.2, 0.27), 0.012, 4, look.metal)]
-    parts += [ellipsoid((0.06, 0.095, 0.075), (0, 0, 0.355), 7, 4, bird), ellipsoid(0.052, (0, 0.085, 0.43), 7, 4, bird), cone(0.02, 0.05, segments=5, colour="#e8571b").transformed(roll=-pi / 2, move=(0, 0.13, 0.43)), tube([(0, -0.06, 0.34), (0, -0.17, 0.29)], [0.04, 0.015], 4, bird)]
-    return concatenate(parts)
-
-
-@catalogued(
-    "ornaments",
-    "star",
-    "christmas star",
-    "decorative star",
-    "five-pointed star",
-    colours=BRIGHT,
-    places=("wall", "pane"),
-    size_m=(0.15, 0.86, 0.82),
-)
-def star_shape(look: Look) -> Mesh:
-    rim = star(5, 0.45, 0.18)
-    peak = np.array([0.13, 0.0, 0.0])
-    parts = [silhouette(rim, 0.04, look.dark)]
-    corners = [np.array([0.02, y, z]) for y, z in rim]
-    for i, a in enumerate(corners):
-        b = corners[(i + 1) % 10]
-        parts.append(quad([a, b, peak, (a + peak) / 2 * 0.5 + peak * 0.5], look.main if i % 2 else look.light))
+    parts += [
+        ellipsoid((0.06, 0.095, 0.075), (0, 0, 0.355), 6, 4, bird),
+        ellipsoid(0.052, (0, 0.085, 0.43), 7, 4, bird),
+        cone(0.02, 0.05, segments=5, colour="#e8571b").transformed(roll=-pi / 2, move=(0, 0.13, 0.43)),
+        tube([(0, -0.06, 0.34), (0, -0.17, 0.29)], [0.04, 0.015], 4, bird),
+    ]
     return concatenate(parts)
 
 
@@ -161,17 +120,31 @@ def star_shape(look: Look) -> Mesh:
     "frosty snowman",
     colours=("white",),
     places=STANDING,
-    size_m=(0.46, 0.8, 0.98),
+    size_m=(0.53, 0.82, 0.98),
 )
 def snowman(look: Look) -> Mesh:
     coal = "#17181b"
-    parts = [ellipsoid((0.22, 0.22, 0.2), (0, 0, 0.19), 10, 6, look.main), ellipsoid((0.17, 0.17, 0.155), (0, 0, 0.46), 10, 6, look.main), ellipsoid(0.13, (0, 0, 0.69), 10, 6, look.main)]
-    parts += [cylinder(0.17, 0.025, (0, 0, 0.78), 10, coal), cylinder(0.105, 0.17, (0, 0, 0.8), 10, coal), lathe([(0.108, 0.815), (0.108, 0.85)], 10, "#cf2027")]
-    parts += [lathe([(0.115, 0.575), (0.145, 0.6), (0.115, 0.63)], 10, "#cf2027"), block((0.03, 0.07, 0.2), (0.17, 0.07, 0.5), "#cf2027")]
+    parts = [
+        ellipsoid((0.22, 0.22, 0.2), (0, 0, 0.19), 10, 6, look.main),
+        ellipsoid((0.17, 0.17, 0.155), (0, 0, 0.46), 10, 6, look.main),
+        ellipsoid(0.13, (0, 0, 0.69), 9, 6, look.main),
+    ]
+    parts += [
+        cylinder(0.17, 0.025, (0, 0, 0.78), 10, coal),
+        cylinder(0.105, 0.17, (0, 0, 0.8), 10, coal),
+        lathe([(0.108, 0.815), (0.108, 0.85)], 10, "#cf2027"),
+    ]
+    parts += [
+        lathe([(0.115, 0.575), (0.145, 0.6), (0.115, 0.63)], 10, "#cf2027"),
+        block((0.03, 0.07, 0.2), (0.17, 0.07, 0.5), "#cf2027"),
+    ]
     parts += [cone(0.032, 0.2, segments=6, colour="#f07a13").transformed(pitch=pi / 2, move=(0.11, 0, 0.69))]
     parts += [disc(0.022, 0.03, (0.115, s * 0.05, 0.73), coal, 6) for s in (-1, 1)]
     parts += [disc(0.024, 0.03, (x, 0, z), coal, 6) for x, z in ((0.155, 0.53), (0.17, 0.45), (0.21, 0.25))]
-    parts += [tube([(0, s * 0.14, 0.48), (0.02, s * 0.3, 0.58), (0.02, s * 0.4, 0.7)], [0.02, 0.016, 0.01], 4, "#5a3a1d") for s in (-1, 1)]
+    parts += [
+        tube([(0, s * 0.14, 0.48), (0.02, s * 0.3, 0.58), (0.02, s * 0.4, 0.7)], [0.02, 0.016, 0.01], 4, "#5a3a1d")
+        for s in (-1, 1)
+    ]
     return concatenate(parts)
 
 
@@ -183,7 +156,7 @@ def snowman(look: Look) -> Mesh:
     "plastic flamingo",
     colours=("pink", "white", "red", "orange", "purple"),
     places=BIG,
-    size_m=(0.34, 0.8, 1.25),
+    size_m=(0.34, 0.87, 1.25),
 )
 def flamingo(look: Look) -> Mesh:
     neck = bent([(0, 0.15, 0.68), (0, 0.31, 0.78), (0, 0.28, 0.96), (0, 0.19, 1.06), (0, 0.24, 1.18)], 3)
@@ -212,7 +185,7 @@ def flamingo(look: Look) -> Mesh:
     "fly agaric",
     colours=("red", "brown", "orange", "blue", "purple", "pink"),
     places=STANDING,
-    size_m=(0.64, 0.64, 0.58),
+    size_m=(0.64, 0.62, 0.58),
 )
 def toadstool(look: Look) -> Mesh:
     stalk = lathe([(0, 0), (0.14, 0), (0.1, 0.1), (0.085, 0.3)], 10, CREAM, smooth=True)
@@ -227,54 +200,3 @@ def toadstool(look: Look) -> Mesh:
             spot = ellipsoid((0.014, 0.05, 0.05), (0, 0, 0), 6, 3, "#ffffff").transformed(pitch=-lift * 0.9)
             spots.append(spot.transformed(yaw=a, move=(r * cos(a), r * sin(a), z)))
     return concatenate([stalk, gills, cap, *spots, lathe([(0.1, 0.17), (0.13, 0.15), (0.09, 0.2)], 10, "#f7efdc")])
-
-
-@catalogued(
-    "ornaments",
-    "butterfly",
-    "wall butterfly",
-    "metal butterfly",
-    "butterfly ornament",
-    colours=("red", "orange", "yellow", "green", "blue", "purple", "pink", "white"),
-    places=("wall", "pane"),
-    size_m=(0.14, 1.0, 0.76),
-)
-def butterfly(look: Look) -> Mesh:
-    upper = Polygon([(0.03, 0.0), (0.14, 0.26), (0.34, 0.4), (0.48, 0.37), (0.49, 0.22), (0.4, 0.02), (0.2, -0.05)])
-    lower = Polygon([(0.03, 0.0), (0.2, -0.05), (0.36, -0.08), (0.4, -0.2), (0.31, -0.33), (0.2, -0.33), (0.08, -0.18)])
-    parts = []
-    for s in (-1, 1):
-        for wing, spot in ((upper, (0.38, 0.25, 0.06)), (lower, (0.27, -0.2, 0.05))):
-            ring_ = [(s * y, z) for y, z in wing.exterior.coords[:-1]]
-            inner = [(s * y, z) for y, z in wing.buffer(-0.032, quad_segs=1).exterior.coords[:-1]]
-            flat = [silhouette(ring_, 0.03, look.ink), mark(inner, 0.022, look.main), mark(circle(spot[2], 8, (s * spot[0], spot[1])), 0.028, look.accent)]
-            parts.append(concatenate(flat).transformed(yaw=s * 0.18))
-    body = tube([(0.05, 0, -0.26), (0.06, 0, -0.05), (0.06, 0, 0.14)], [0.015, 0.045, 0.035], 6, look.ink)
-    head = ellipsoid(0.05, (0.06, 0, 0.17), 6, 4, look.ink)
-    feelers = [tube([(0.06, 0, 0.19), (0.06, s * 0.08, 0.3), (0.06, s * 0.14, 0.33)], 0.01, 3, look.ink) for s in (-1, 1)]
-    return concatenate([*parts, body, head, *feelers])
-
-
-@catalogued(
-    "ornaments",
-    "wreath",
-    "door wreath",
-    "advent wreath",
-    "garland",
-    colours=("green", "red", "white", "brown", "purple", "yellow"),
-    places=("wall", "pane"),
-    size_m=(0.3, 0.8, 0.8),
-)
-def wreath(look: Look) -> Mesh:
-    parts = [ring(0.29, 0.075, (0.1, 0, 0), look.dark, 14, 6, "x")]
-    for i in range(28):
-        a = i * 2 * pi / 28
-        r = 0.29 + (0.05 if i % 2 else -0.05)
-        turn = a + (0.9 if i % 2 else 2.2)
-        leaf = ellipsoid((0.05, 0.1, 0.045), (0, 0, 0), 4, 3, look.main if i % 3 else look.light).transformed(roll=turn)
-        parts.append(leaf.transformed(move=(0.16, r * cos(a), r * sin(a))))
-    bow = look.other("#d3202a", GOLD, "red", "brown", "purple")
-    parts += [silhouette([(0, -0.29), (s * 0.17, -0.38), (s * 0.17, -0.2)][:: s], 0.05, bow, x=0.22) for s in (-1, 1)]
-    parts += [silhouette([(0, -0.29), (s * 0.13, -0.42), (s * 0.04, -0.44)][:: s], 0.03, bow, x=0.22) for s in (-1, 1)]
-    parts += [ellipsoid(0.04, (0.24, 0.29 * cos(a), 0.29 * sin(a)), 6, 3, look.other("#e33a2e", CREAM, "red", "brown")) for a in (0.2, 1.1, 2.0, 2.95)]
-    return concatenate([*parts, ellipsoid(0.05, (0.25, 0, -0.29), 6, 4, bow)])

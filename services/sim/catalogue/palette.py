@@ -18,7 +18,7 @@ COLOURS: dict[str, str] = {
     "pink": "#f47fb6",
     "white": "#f6f6f2",
     "black": "#1c1c20",
-    "brown": "#74421f",
+    "brown": "#684028",
 }
 
 BRIGHT = ("red", "orange", "yellow", "green", "blue", "purple", "pink", "white")

@@ -5,7 +5,7 @@ Silhouettes lie in the plane of (y, z), seen from +x; y runs to the right of som
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from math import pi
+from math import asin, atan2, cos, pi, sin
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,14 +22,14 @@ Points = NDArray[np.float64]
 def circle(radius: float | tuple[float, float], n: int = 16, centre: tuple[float, float] = (0, 0)) -> Points:
     """(n, 2), counter-clockwise."""
     a = np.linspace(0, 2 * pi, n, endpoint=False)
-    return np.column_stack([np.cos(a), np.sin(a)]) * np.asarray(radius) + np.asarray(centre)
+    return np.asarray(np.column_stack([np.cos(a), np.sin(a)]) * np.asarray(radius) + np.asarray(centre), np.float64)
 
 
 def star(points: int, outer: float, inner: float, centre: tuple[float, float] = (0, 0)) -> Points:
     """(2 points, 2), counter-clockwise, one point up."""
     a = np.arange(2 * points) * pi / points + pi / 2
     r = np.where(np.arange(2 * points) % 2 == 0, outer, inner)
-    return np.column_stack([np.cos(a) * r, np.sin(a) * r]) + np.asarray(centre)
+    return np.asarray(np.column_stack([np.cos(a) * r, np.sin(a) * r]) + np.asarray(centre), np.float64)
 
 
 def disc(radius: float, thickness: float, centre: Vector, colour: Colour, n: int = 16) -> Mesh:
@@ -55,6 +55,7 @@ def rectangle(y0: float, z0: float, y1: float, z1: float) -> Points:
 def _rings(shape: BaseGeometry | ArrayLike) -> list[Points]:
     if not isinstance(shape, BaseGeometry):
         shape = Polygon(np.asarray(shape, np.float64))
+    shape = shape.simplify(1e-3)
     return [np.asarray(orient(part, 1.0).exterior.coords, np.float64)[:-1] for part in getattr(shape, "geoms", [shape])]
 
 
@@ -97,7 +98,7 @@ def tapered(
     def corners(size: tuple[float, float], z: float, by: tuple[float, float]) -> Points:
         sx, sy = size[0] / 2, size[1] / 2
         flat = np.array([(-sx, -sy), (sx, -sy), (sx, sy), (-sx, sy)]) + by
-        return np.column_stack([flat, np.full(4, z)]) + np.asarray(foot)
+        return np.asarray(np.column_stack([flat, np.full(4, z)]) + np.asarray(foot), np.float64)
 
     low, high = corners(bottom, 0.0, (0.0, 0.0)), corners(top, height, shift)
     sides = [quad([low[i], low[(i + 1) % 4], high[(i + 1) % 4], high[i]], colour) for i in range(4)]
@@ -145,3 +146,12 @@ def fluted(mesh: Mesh, lobes: int, depth: float, groove: Colour) -> Mesh:
     colours = mesh.colours.copy()
     colours[wave < -0.5] = rgb(groove)
     return replace(mesh, positions=p.astype(np.float32), colours=colours)
+
+
+def on_ball(flat: Mesh, radii: tuple[float, float, float], z: float, bearing: float, rise: float) -> Mesh:
+    """A small mark laid on an ellipsoid whose middle is at height z, towards `bearing` and `rise` (radians)."""
+    point = np.array([cos(bearing) * cos(rise), sin(bearing) * cos(rise), sin(rise)]) * radii
+    normal = point / np.square(radii)
+    normal /= np.linalg.norm(normal)
+    where = point + normal * 0.008 + np.array([0, 0, z])
+    return flat.transformed(yaw=atan2(normal[1], normal[0]), pitch=-asin(normal[2]), move=where.tolist())

@@ -39,7 +39,9 @@ class Sheet:
 
     def line(self, points: Sequence[tuple[float, float]], width: float, colour: Colour) -> None:
         corners = np.rint(np.array(points) * self._unit).astype(np.int32)
-        cv2.polylines(self.pixels, [corners], False, rgb(colour).tolist(), max(1, round(width * self._unit)), cv2.LINE_8)
+        cv2.polylines(
+            self.pixels, [corners], False, rgb(colour).tolist(), max(1, round(width * self._unit)), cv2.LINE_8
+        )
 
     def tone(self, *choices: tuple[Colour, tuple[str, ...]]) -> Colour:
         """The first of the colours whose listed grounds don't include this sheet's."""
@@ -74,8 +76,12 @@ def cat(s: Sheet) -> None:
 
 
 def tree(s: Sheet) -> None:
-    crown = s.tone(("#1f7d34", ("green", "blue", "black", "brown", "purple", "red")), ("#f3f0dc", ("white",)), (INK, ()))
-    trunk = s.tone(("#6a3d1c", ("brown", "red", "black", "purple", "green", "blue")), ("#3a2413", ("black",)), ("#c9a36d", ()))
+    crown = s.tone(
+        ("#1f7d34", ("green", "blue", "black", "brown", "purple", "red")), ("#f3f0dc", ("white",)), (INK, ())
+    )
+    trunk = s.tone(
+        ("#6a3d1c", ("brown", "red", "black", "purple", "green", "blue")), ("#3a2413", ("black",)), ("#c9a36d", ())
+    )
     s.fill([(0.44, 1.22), (0.46, 0.8), (0.54, 0.8), (0.56, 1.22)], trunk)
     s.line([(0.5, 0.95), (0.36, 0.72)], 0.045, trunk)
     s.line([(0.5, 0.9), (0.64, 0.68)], 0.045, trunk)
@@ -95,7 +101,10 @@ def sailing_boat(s: Sheet) -> None:
     s.fill([(0.14, 0.93), (0.88, 0.93), (0.76, 1.12), (0.26, 1.12)], hull)
     wave = s.tone(("#bfe4f7", ("white",)), ("#2f7fd6", ()))
     s.line([(0.08 + 0.02 * i, 1.18 + 0.022 * sin(i * 0.75)) for i in range(43)], 0.03, wave)
-    s.fill([(0.5, 0.13), (0.5, 0.21), (0.62, 0.17)], s.tone(("#e2362c", ("red", "pink", "orange")), (GOLD, ("yellow",)), (INK, ())))
+    s.fill(
+        [(0.5, 0.13), (0.5, 0.21), (0.62, 0.17)],
+        s.tone(("#e2362c", ("red", "pink", "orange")), (GOLD, ("yellow",)), (INK, ())),
+    )
 
 
 def guitar(s: Sheet) -> None:
@@ -146,7 +155,10 @@ def heart(s: Sheet) -> None:
 def rocket(s: Sheet) -> None:
     hull = s.tone(("#f8f8f4", ("white",)), ("#3a6fd0", ()))
     red = s.tone(("#e2362c", ("red", "pink", "orange", "purple")), (GOLD, ("yellow",)), (INK, ()))
-    s.fill([(0.4, 0.95), (0.6, 0.95), (0.5, 1.24)], s.tone(("#f6a21b", ("orange", "yellow")), ("#f4efe0", ("white",)), (INK, ())))
+    s.fill(
+        [(0.4, 0.95), (0.6, 0.95), (0.5, 1.24)],
+        s.tone(("#f6a21b", ("orange", "yellow")), ("#f4efe0", ("white",)), (INK, ())),
+    )
     for k in (-1, 1):
         s.fill([(0.5 + k * 0.13, 0.66), (0.5 + k * 0.28, 0.86), (0.5 + k * 0.28, 1.02), (0.5 + k * 0.13, 0.92)], red)
     side = [(0.5 + 0.16 * sin(pi * (0.12 + 0.76 * t)) ** 0.8, 0.28 + 0.68 * t) for t in np.linspace(0, 1, 20)]

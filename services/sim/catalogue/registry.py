@@ -7,7 +7,7 @@ An object's mount follows from its places. `stand` (sill, balcony, free): the or
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from contracts.sim import CatalogueEntry
 from services.sim.catalogue.palette import Look
@@ -20,6 +20,7 @@ Place = Literal["sill", "balcony", "wall", "pane", "hang", "free"]
 Shape = Callable[[Look], Mesh]
 
 STANDING: tuple[Place, ...] = ("sill", "balcony", "free")
+SMALL: tuple[Place, ...] = ("sill", "free")
 BIG: tuple[Place, ...] = ("balcony", "free")
 MOUNTED: tuple[Place, ...] = ("wall", "pane")
 HANGING: tuple[Place, ...] = ("hang",)
@@ -71,8 +72,9 @@ def catalogued(
 
 
 def listed() -> tuple[CatalogueEntry, ...]:
-    """Every class, in the order of the modules."""
-    return tuple(item.entry for item in _table.values())
+    """Every class, by category in the paper's order."""
+    order = get_args(Category)
+    return tuple(sorted((item.entry for item in _table.values()), key=lambda entry: order.index(entry.category)))
 
 
 @lru_cache(maxsize=1024)

@@ -16,7 +16,7 @@ from services.sim.geometry.scene_mesh import Chunk, Part, SceneMesh
 from services.sim.geometry.textures import TextureSet, base_textures
 from services.sim.render.views import Renderer
 
-COLUMNS = 8
+COLUMNS = 9
 TILE_W, PICTURE_H, TEXT_H = 216, 200, 50
 HEAD_H = 40
 PAPER = (233, 231, 226)
@@ -83,14 +83,16 @@ def contact_sheet(renderer: Renderer) -> NDArray[np.uint8]:
     for category in dict.fromkeys(entry.category for entry in entries()):
         members = [entry for entry in entries() if entry.category == category]
         rows.append(_heading(f"{category} ({len(members)})"))
-        tiles = [_tile(renderer, textures, entry) for entry in members]
+        tiles = [_tile(renderer, textures, entry, i) for i, entry in enumerate(members)]
         tiles += [_blank(PICTURE_H + TEXT_H, TILE_W)] * (-len(tiles) % COLUMNS)
         rows += [np.hstack(tiles[i : i + COLUMNS]) for i in range(0, len(tiles), COLUMNS)]
     return np.vstack(rows)
 
 
-def _tile(renderer: Renderer, textures: TextureSet, entry: CatalogueEntry) -> NDArray[np.uint8]:
-    shot = portrait(renderer, build(entry.kind, entry.colours[0], textures), textures, 1024)
+def _tile(renderer: Renderer, textures: TextureSet, entry: CatalogueEntry, number: int) -> NDArray[np.uint8]:
+    # a class that comes in anything is shown in the next colour, one that has a colour of its own in that one
+    colour = entry.colours[number % len(entry.colours) if entry.colours[0] == "red" else 0]
+    shot = portrait(renderer, build(entry.kind, colour, textures), textures, 1024)
     rows, columns = np.nonzero(shot.seen)
     top, bottom, left, right = rows.min(), rows.max() + 1, columns.min(), columns.max() + 1
     cut = np.where(shot.seen[..., None], shot.rgb, np.array(PAPER, np.uint8))[top:bottom, left:right]

@@ -6,7 +6,7 @@ from shapely import LineString, Point, box, unary_union
 from shapely.affinity import rotate, translate
 
 from services.sim.catalogue.palette import INK, WOOD, Look
-from services.sim.catalogue.parts import arch, circle, disc, mark, rectangle, silhouette, tapered, to_front
+from services.sim.catalogue.parts import arch, circle, disc, mark, rectangle, silhouette, tapered
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
@@ -21,7 +21,7 @@ from services.sim.geometry.solids import frustum, lathe, rod, tube
     "garden can with a long spout",
     colours=("red", "yellow", "green", "blue", "purple", "pink"),
     places=STANDING,
-    size_m=(0.3, 0.8, 0.48),
+    size_m=(0.31, 0.85, 0.48),
 )
 def watering_can(look: Look) -> Mesh:
     body = lathe([(0, 0), (0.15, 0), (0.15, 0.26), (0.1, 0.31), (0, 0.31)], 14, look.main)
@@ -46,7 +46,7 @@ def watering_can(look: Look) -> Mesh:
     "workman's box",
     colours=("red", "blue", "green", "yellow", "orange", "black"),
     places=STANDING,
-    size_m=(0.28, 0.68, 0.46),
+    size_m=(0.3, 0.68, 0.46),
 )
 def toolbox(look: Look) -> Mesh:
     lid = [(-0.34, 0.21), (0.34, 0.21), (0.26, 0.33), (-0.26, 0.33)]
@@ -71,7 +71,7 @@ def toolbox(look: Look) -> Mesh:
     "folding ladder",
     colours=("orange", "red", "yellow", "blue", "white", "green"),
     places=BIG,
-    size_m=(0.79, 0.62, 1.46),
+    size_m=(0.8, 0.62, 1.47),
 )
 def ladder(look: Look) -> Mesh:
     def post(y0: float, y1: float, x: float) -> Mesh:
@@ -94,7 +94,7 @@ def ladder(look: Look) -> Mesh:
     "broomstick",
     colours=("red", "blue", "green", "yellow", "purple", "brown"),
     places=BIG,
-    size_m=(0.14, 0.5, 1.45),
+    size_m=(0.15, 0.5, 1.45),
 )
 def broom(look: Look) -> Mesh:
     fan = [(-0.25, 0), (0.25, 0), (0.1, 0.46), (-0.1, 0.46)]
@@ -116,7 +116,7 @@ def broom(look: Look) -> Mesh:
     "digging spade",
     colours=("red", "blue", "green", "orange", "yellow", "black"),
     places=BIG,
-    size_m=(0.08, 0.36, 1.2),
+    size_m=(0.06, 0.36, 1.2),
 )
 def shovel(look: Look) -> Mesh:
     blade = [(0, 0), (0.13, 0.1), (0.18, 0.26), (0.18, 0.5), (-0.18, 0.5), (-0.18, 0.26), (-0.13, 0.1)]
@@ -142,7 +142,7 @@ def shovel(look: Look) -> Mesh:
     "pushcart",
     colours=("red", "green", "blue", "orange", "yellow", "purple"),
     places=BIG,
-    size_m=(0.62, 1.5, 0.68),
+    size_m=(0.62, 1.58, 0.69),
 )
 def wheelbarrow(look: Look) -> Mesh:
     tub = tapered((0.36, 0.42), (0.62, 0.95), 0.36, (0, 0.08, 0.27), look.main, shift=(0, 0.06))
@@ -150,7 +150,7 @@ def wheelbarrow(look: Look) -> Mesh:
     rails = [
         tube([(s * 0.1, 0.62, 0.17), (s * 0.2, 0, 0.26), (s * 0.26, -0.76, 0.5)], 0.025, 5, look.dark) for s in (-1, 1)
     ]
-    grips = [rod((s * 0.235, -0.6, 0.447), (s * 0.27, -0.82, 0.52), 0.037, 6, INK) for s in (-1, 1)]
+    grips = [rod((s * 0.235, -0.6, 0.447), (s * 0.268, -0.78, 0.508), 0.037, 6, INK) for s in (-1, 1)]
     legs = [
         tube([(s * 0.2, -0.05, 0.27), (s * 0.22, -0.22, 0.0), (s * 0.22, -0.3, 0.28)], 0.024, 5, look.dark)
         for s in (-1, 1)
@@ -171,7 +171,7 @@ def wheelbarrow(look: Look) -> Mesh:
     "monkey wrench",
     colours=("red", "blue", "yellow", "black", "green", "orange"),
     places=("wall",),
-    size_m=(0.08, 0.67, 0.67),
+    size_m=(0.08, 0.75, 0.75),
 )
 def wrench(look: Look) -> Mesh:
     def head(r: float, jaw: float) -> object:
@@ -202,7 +202,7 @@ def wrench(look: Look) -> Mesh:
 )
 def traffic_cone(look: Look) -> Mesh:
     def band(z0: float, z1: float) -> Mesh:
-        return lathe([(0.195 - 0.23 * z0, z0), (0.195 - 0.23 * z1, z1)], 14, look.other("#fbfbfb", INK, "yellow"))
+        return lathe([(0.2 - 0.22 * z0, z0), (0.2 - 0.22 * z1, z1)], 14, look.other("#fbfbfb", INK, "yellow"))
 
     hull = frustum(0.18, 0.035, 0.66, (0, 0, 0.06), 14, look.main)
     return concatenate([block((0.5, 0.5, 0.06), (0, 0, 0.03), look.main), hull, band(0.26, 0.36), band(0.48, 0.55)])

@@ -3,16 +3,14 @@
 from math import cos, pi, sin
 
 import numpy as np
-from shapely import LineString, Polygon, box, unary_union
+from shapely import LineString
 
-from services.sim.catalogue.palette import BRIGHT, CREAM, GLASS, GOLD, INK, TAN, WOOD, Look
-from services.sim.catalogue.parts import arch, bent, circle, disc, mark, rectangle, ring, silhouette, tinted
+from services.sim.catalogue.palette import BRIGHT, CREAM, GLASS, GOLD, INK, WOOD, Look
+from services.sim.catalogue.parts import bent, circle, disc, mark, rectangle, silhouette, tinted
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
-from services.sim.geometry.solids import cone, cylinder, ellipsoid, frustum, rod, tube
-
-SILL = ("sill", "free")
+from services.sim.geometry.solids import cone, cylinder, ellipsoid, rod, tube
 
 
 @catalogued(
@@ -25,26 +23,28 @@ SILL = ("sill", "free")
     "toy bear",
     colours=("brown", "white", "pink", "blue", "purple", "red", "black"),
     places=STANDING,
-    size_m=(0.46, 0.56, 0.74),
+    size_m=(0.44, 0.62, 0.75),
 )
 def teddy_bear(look: Look) -> Mesh:
     pale = look.other("#f0cf9d", "#b98a5a", "white")
     bow = look.other("#d3202a", "#2c63c6", "red", "pink")
     parts = [
-        ellipsoid((0.17, 0.19, 0.22), (0, 0, 0.23), 10, 6, look.main),
-        ellipsoid((0.16, 0.2, 0.17), (0.02, 0, 0.53), 10, 6, look.main),
-        ellipsoid((0.09, 0.1, 0.075), (0.15, 0, 0.49), 8, 4, pale),
+        ellipsoid((0.17, 0.19, 0.22), (0, 0, 0.23), 9, 5, look.main),
+        ellipsoid((0.16, 0.2, 0.17), (0.02, 0, 0.53), 9, 6, look.main),
+        ellipsoid((0.09, 0.1, 0.075), (0.15, 0, 0.49), 7, 4, pale),
         ellipsoid((0.03, 0.04, 0.026), (0.235, 0, 0.52), 6, 3, INK),
     ]
     for s in (-1, 1):
         parts += [
-            ellipsoid((0.045, 0.085, 0.085), (0, s * 0.16, 0.665), 7, 4, look.main),
+            ellipsoid((0.045, 0.085, 0.085), (0, s * 0.16, 0.665), 6, 4, look.main),
             disc(0.048, 0.02, (0.045, s * 0.165, 0.665), pale, 6),
             disc(0.026, 0.03, (0.165, s * 0.075, 0.575), look.other(INK, CREAM, "black"), 6),
-            ellipsoid((0.07, 0.07, 0.14), (0, 0, 0), 7, 4, look.main).transformed(roll=s * 0.7, move=(0.06, s * 0.21, 0.32)),
+            ellipsoid((0.07, 0.07, 0.14), (0, 0, 0), 7, 4, look.main).transformed(
+                roll=s * 0.7, move=(0.06, s * 0.21, 0.32)
+            ),
             ellipsoid((0.16, 0.085, 0.085), (0.13, s * 0.15, 0.085), 7, 4, look.main),
-            disc(0.06, 0.02, (0.275, s * 0.15, 0.09), pale, 7),
-            mark([(0, 0.37), (s * 0.1, 0.32), (s * 0.1, 0.42)][:: s], 0.19, bow),
+            disc(0.06, 0.02, (0.275, s * 0.15, 0.09), pale, 6),
+            mark([(0, 0.37), (s * 0.1, 0.32), (s * 0.1, 0.42)][::s], 0.19, bow),
         ]
     return concatenate(parts)
 
@@ -58,7 +58,7 @@ def teddy_bear(look: Look) -> Mesh:
     "toy duck",
     colours=("yellow", "pink", "blue", "green", "white", "red", "purple"),
     places=STANDING,
-    size_m=(0.42, 0.7, 0.58),
+    size_m=(0.54, 0.66, 0.58),
 )
 def rubber_duck(look: Look) -> Mesh:
     beak = look.other("#f5820d", "#f8c51c", "red", "pink")
@@ -71,7 +71,9 @@ def rubber_duck(look: Look) -> Mesh:
     ]
     for s in (-1, 1):
         parts += [
-            ellipsoid((0.035, 0.035, 0.045), (0.02 + s * 0.13, 0.2, 0.47), 7, 4, look.other("#ffffff", "#d8e6f5", "white")),
+            ellipsoid(
+                (0.035, 0.035, 0.045), (0.02 + s * 0.13, 0.2, 0.47), 7, 4, look.other("#ffffff", "#d8e6f5", "white")
+            ),
             ellipsoid((0.022, 0.03, 0.032), (0.02 + s * 0.148, 0.215, 0.47), 6, 3, "#101014"),
             ellipsoid((0.04, 0.15, 0.085), (s * 0.185, -0.06, 0.22), 8, 4, look.dark),
         ]
@@ -86,7 +88,7 @@ def rubber_duck(look: Look) -> Mesh:
     "rocking pony",
     colours=("brown", "white", "red", "blue", "green", "black"),
     places=BIG,
-    size_m=(0.42, 1.14, 1.0),
+    size_m=(0.44, 1.15, 0.99),
 )
 def rocking_horse(look: Look) -> Mesh:
     mane = look.other("#f2d9a0", "#4b2a15", "white")
@@ -98,10 +100,9 @@ def rocking_horse(look: Look) -> Mesh:
         silhouette(head, 0.15, look.main),
         silhouette(hair, 0.1, mane),
         tube(bent([(0, -0.27, 0.6), (0, -0.4, 0.62), (0, -0.46, 0.4)], 2), [0.03, 0.05, 0.06, 0.055, 0.02], 5, mane),
-        *[mark(circle(0.022, 6, (0.39, 0.85)), 0.08, look.other(INK, CREAM, "black")).transformed(yaw=0)],
+        mark(circle(0.022, 6, (0.39, 0.85)), 0.08, look.other(INK, CREAM, "black")),
         block((0.32, 0.26, 0.06), (0, -0.05, 0.68), look.other("#d3202a", "#2b62c9", "red")),
         block((0.33, 0.16, 0.2), (0, -0.05, 0.59), look.other("#d3202a", "#2b62c9", "red")),
-        rod((0, 0.3, 0.78), (0.0, 0.3, 0.78), 0.001, 3),
         rod((-0.17, 0.3, 0.76), (0.17, 0.3, 0.76), 0.022, 5, mane),
     ]
     for sx in (-1, 1):
@@ -119,7 +120,7 @@ def rocking_horse(look: Look) -> Mesh:
     "striped ball",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "pink"),
     places=STANDING,
-    size_m=(0.56, 0.56, 0.56),
+    size_m=(0.56, 0.55, 0.56),
 )
 def beach_ball(look: Look) -> Mesh:
     stripe = look.other("#fcfcfa", "#2a5fca", "yellow")
@@ -141,17 +142,26 @@ def beach_ball(look: Look) -> Mesh:
     "diamond kite",
     colours=BRIGHT,
     places=("wall",),
-    size_m=(0.06, 0.86, 1.55),
+    size_m=(0.04, 0.86, 1.56),
 )
 def kite(look: Look) -> Mesh:
     top, bottom, left, right, mid = (0, 0.45), (0, -0.55), (-0.43, 0.12), (0.43, 0.12), (0, 0.12)
-    parts = [silhouette([top, left, bottom, right], 0.03, look.main), mark([mid, top, left], 0.02, look.accent), mark([mid, bottom, right], 0.02, look.dark)]
-    parts += [mark(LineString([top, bottom]).buffer(0.014, cap_style=2), 0.026, look.ink), mark(LineString([left, right]).buffer(0.014, cap_style=2), 0.026, look.ink)]
+    parts = [
+        silhouette([top, left, bottom, right], 0.03, look.main),
+        mark([mid, top, left], 0.02, look.accent),
+        mark([mid, bottom, right], 0.02, look.dark),
+    ]
+    parts += [
+        mark(LineString([top, bottom]).buffer(0.014, cap_style=2), 0.026, look.ink),
+        mark(LineString([left, right]).buffer(0.014, cap_style=2), 0.026, look.ink),
+    ]
     tail = bent([(0, 0, -0.55), (0, 0.1, -0.7), (0, -0.08, -0.88), (0, 0.06, -1.06)], 3)
     parts.append(tube(tail, 0.012, 4, look.ink))
     for k, (y, z) in enumerate(((0.1, -0.7), (-0.08, -0.88), (0.06, -1.05))):
         tie = look.main if k != 1 else look.accent
-        parts += [silhouette([(y, z), (y + s * 0.12, z - 0.055), (y + s * 0.12, z + 0.055)], 0.02, tie) for s in (-1, 1)]
+        parts += [
+            silhouette([(y, z), (y + s * 0.12, z - 0.055), (y + s * 0.12, z + 0.055)], 0.02, tie) for s in (-1, 1)
+        ]
     return concatenate(parts)
 
 
@@ -163,11 +173,18 @@ def kite(look: Look) -> Mesh:
     "android",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "white", "black"),
     places=STANDING,
-    size_m=(0.34, 0.62, 0.86),
+    size_m=(0.29, 0.58, 0.87),
 )
 def toy_robot(look: Look) -> Mesh:
-    parts = [block((0.26, 0.36, 0.3), (0, 0, 0.35), look.main), block((0.24, 0.3, 0.21), (0, 0, 0.65), look.main), cylinder(0.06, 0.06, (0, 0, 0.49), 8, look.metal)]
-    parts += [rod((0, 0, 0.75), (0, 0, 0.83), 0.014, 5, look.metal), ellipsoid(0.035, (0, 0, 0.83), 6, 4, look.other("#e0252c", GOLD, "red"))]
+    parts = [
+        block((0.26, 0.36, 0.3), (0, 0, 0.35), look.main),
+        block((0.24, 0.3, 0.21), (0, 0, 0.65), look.main),
+        cylinder(0.06, 0.06, (0, 0, 0.49), 8, look.metal),
+    ]
+    parts += [
+        rod((0, 0, 0.75), (0, 0, 0.83), 0.014, 5, look.metal),
+        ellipsoid(0.035, (0, 0, 0.83), 6, 4, look.other("#e0252c", GOLD, "red")),
+    ]
     for s in (-1, 1):
         parts += [
             disc(0.05, 0.04, (0.12, s * 0.075, 0.685), look.accent, 10),
@@ -178,8 +195,14 @@ def toy_robot(look: Look) -> Mesh:
             block((0.13, 0.11, 0.2), (0, s * 0.1, 0.12), look.light),
             block((0.24, 0.15, 0.07), (0.04, s * 0.1, 0.035), look.dark),
         ]
-    parts += [mark(rectangle(-0.1, 0.585, 0.1, 0.62), 0.126, look.ink), mark(rectangle(-0.13, 0.29, 0.13, 0.46), 0.136, look.accent)]
-    parts += [mark(circle(0.027, 6, (y, 0.415)), 0.142, c) for y, c in ((-0.075, "#e0252c"), (0.0, "#f2b51d"), (0.075, "#35a34a"))]
+    parts += [
+        mark(rectangle(-0.1, 0.585, 0.1, 0.62), 0.126, look.ink),
+        mark(rectangle(-0.13, 0.29, 0.13, 0.46), 0.136, look.accent),
+    ]
+    parts += [
+        mark(circle(0.027, 6, (y, 0.415)), 0.142, c)
+        for y, c in ((-0.075, "#e0252c"), (0.0, "#f2b51d"), (0.075, "#35a34a"))
+    ]
     return concatenate([*parts, mark(rectangle(-0.095, 0.32, 0.095, 0.35), 0.142, look.main)])
 
 
@@ -191,18 +214,34 @@ def toy_robot(look: Look) -> Mesh:
     "little car",
     colours=(*BRIGHT, "black"),
     places=STANDING,
-    size_m=(0.38, 0.8, 0.42),
+    size_m=(0.39, 0.82, 0.42),
 )
 def toy_car(look: Look) -> Mesh:
-    shell = [(-0.4, 0.08), (0.4, 0.08), (0.4, 0.2), (0.36, 0.24), (0.2, 0.26), (0.1, 0.4), (-0.2, 0.42), (-0.33, 0.27), (-0.4, 0.24)]
-    panes = [[(-0.17, 0.265), (-0.035, 0.265), (-0.035, 0.385), (-0.14, 0.385)][::1], [(-0.005, 0.265), (0.155, 0.265), (0.075, 0.375), (-0.005, 0.385)]]
+    shell = [
+        (-0.4, 0.08),
+        (0.4, 0.08),
+        (0.4, 0.2),
+        (0.36, 0.24),
+        (0.2, 0.26),
+        (0.1, 0.4),
+        (-0.2, 0.42),
+        (-0.33, 0.27),
+        (-0.4, 0.24),
+    ]
+    panes = [
+        [(-0.17, 0.265), (-0.035, 0.265), (-0.035, 0.385), (-0.14, 0.385)][::1],
+        [(-0.005, 0.265), (0.155, 0.265), (0.075, 0.375), (-0.005, 0.385)],
+    ]
     glass = look.other(GLASS, "#33414d", "white", "blue")
     parts = [silhouette(shell, 0.34, look.main)]
     for pane in panes:
         flat = mark(pane, 0.178, glass)
         parts += [flat, mark([(-y, z) for y, z in reversed(pane)], 0.178, glass).transformed(yaw=pi)]
     for y in (-0.23, 0.23):
-        parts += [disc(0.095, 0.38, (0, y, 0.095), INK, 12), mark(circle(0.05, 8, (y, 0.095)), 0.197, look.other("#e6e8ea", GOLD, "white"))]
+        parts += [
+            disc(0.095, 0.38, (0, y, 0.095), INK, 12),
+            mark(circle(0.05, 8, (y, 0.095)), 0.197, look.other("#e6e8ea", GOLD, "white")),
+        ]
     parts += [ellipsoid((0.05, 0.03, 0.04), (x, 0.39, 0.19), 6, 4, "#fff3b0") for x in (-0.11, 0.11)]
     parts += [mark(rectangle(-0.39, 0.195, 0.39, 0.215), 0.176, look.accent)]
     return concatenate(parts)
@@ -216,7 +255,7 @@ def toy_car(look: Look) -> Mesh:
     "party balloons",
     colours=BRIGHT,
     places=STANDING,
-    size_m=(0.5, 0.8, 1.3),
+    size_m=(0.48, 0.78, 1.28),
 )
 def balloons(look: Look) -> Mesh:
     parts = [cylinder(0.07, 0.06, (0, 0, 0), 8, look.ink)]
@@ -224,7 +263,13 @@ def balloons(look: Look) -> Mesh:
         shape = ellipsoid((0.165, 0.165, 0.2), (x, y, z), 12, 6, look.main if i != 1 else look.light)
         knot = cone(0.04, 0.07, (x, y, z - 0.255), 5, look.dark)
         string = tube([(0, 0, 0.05), (x * 0.4, y * 0.4, 0.45), (x, y, z - 0.24)], 0.009, 3, look.ink)
-        shine = ellipsoid((0.03, 0.035, 0.05), (x + 0.13, y - 0.06, z + 0.08), 5, 3, "#ffffff" if look.colour != "white" else "#cfd8e2")
+        shine = ellipsoid(
+            (0.03, 0.035, 0.05),
+            (x + 0.13, y - 0.06, z + 0.08),
+            5,
+            3,
+            "#ffffff" if look.colour != "white" else "#cfd8e2",
+        )
         parts += [shape, knot, string, shine]
     return concatenate(parts)
 
@@ -238,7 +283,7 @@ def balloons(look: Look) -> Mesh:
     "whirligig",
     colours=BRIGHT,
     places=STANDING,
-    size_m=(0.16, 0.8, 1.1),
+    size_m=(0.23, 0.71, 1.07),
 )
 def pinwheel(look: Look) -> Mesh:
     blade = [(0, 0), (0.36, 0.0), (0.36, 0.14), (0.17, 0.25), (0.0, 0.16)]
@@ -249,4 +294,11 @@ def pinwheel(look: Look) -> Mesh:
         vanes.append(vane.transformed(roll=k * pi / 2 + 0.2, move=(0.06 + 0.006 * k, 0, 0.72)))
     stick = rod((0, 0, 0), (0, 0, 0.76), 0.022, 6, look.other(WOOD, CREAM, "orange"))
     foot = cylinder(0.1, 0.05, (0, 0, 0), 10, look.main)
-    return concatenate([*vanes, stick, foot, ellipsoid((0.03, 0.045, 0.045), (0.1, 0, 0.72), 8, 4, look.other(GOLD, "#d3202a", "yellow", "orange"))])
+    return concatenate(
+        [
+            *vanes,
+            stick,
+            foot,
+            ellipsoid((0.03, 0.045, 0.045), (0.1, 0, 0.72), 8, 4, look.other(GOLD, "#d3202a", "yellow", "orange")),
+        ]
+    )
