@@ -125,8 +125,9 @@ def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
     kept = np.isfinite(view.depth_m)
     if mask is not None:
         kept &= mask
-    rows, columns = np.nonzero(kept)
-    depth = view.depth_m[rows, columns]
+    at = np.flatnonzero(kept)  # several times faster than nonzero of two axes
+    rows, columns = np.divmod(at, width)
+    depth = view.depth_m.ravel()[at]
     across = depth * column_slopes(camera)[columns]
     up = depth * row_slopes(camera)[rows]
     angle = math.radians(view.heading_deg)
@@ -149,16 +150,31 @@ def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m
 def nearest_of_blocks(view: DepthView, block: int = 4) -> NDArray[np.bool_]:
     """(H, W) mask of the nearest return of every `block` x `block` pixels: a thin cloud that keeps thin things."""
     height, width = view.depth_m.shape
-    padded = np.full((-(-height // block) * block, -(-width // block) * block), np.inf, np.float32)
-    padded[:height, :width] = np.where(np.isnan(view.depth_m), np.inf, view.depth_m)
-    blocks = padded.reshape(padded.shape[0] // block, block, padded.shape[1] // block, block).swapaxes(1, 2)
-    nearest = blocks.reshape(*blocks.shape[:2], block * block).argmin(axis=2)
+    down, across = -(-height // block), -(-width // block)
+    padded = np.full((down * block, across * block), np.inf, np.float32)
+    padded[:height, :width] = view.depth_m
+    # first over the rows of each block, which lie together in memory, then over the few columns that are left
+    nearest, row = _nearest([padded[i::block] for i in range(block)])
+    nearest, column = _nearest([nearest[:, j::block] for j in range(block)])
+    row = row.reshape(down, across, block)[np.arange(down)[:, None], np.arange(across), column]
+    found = np.isfinite(nearest)
     mask = np.zeros((height, width), bool)
-    rows, columns = np.indices(nearest.shape)
-    at = rows * block + nearest // block, columns * block + nearest % block
-    inside = (at[0] < height) & (at[1] < width)
-    mask[at[0][inside], at[1][inside]] = True
+    mask[
+        (np.arange(down)[:, None] * block + row)[found],
+        (np.arange(across) * block + column)[found],
+    ] = True
     return mask
+
+
+def _nearest(candidates: Sequence[Depth]) -> tuple[Depth, NDArray[np.intp]]:
+    """Element by element the least of arrays of one shape, and which array it is from; never an invalid one."""
+    least = np.full(candidates[0].shape, np.inf, np.float32)
+    which = np.zeros(least.shape, np.intp)
+    for k, candidate in enumerate(candidates):
+        nearer = candidate < least
+        np.copyto(least, candidate, where=nearer)
+        np.copyto(which, k, where=nearer)
+    return least, which
 
 
 def to_enu(points: Points, pose: Pose) -> Points:

@@ -56,9 +56,10 @@ def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Setti
     height, width = view.depth_m.shape
     camera = pinhole(width, height)
     reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
-    points = None
+    points, radius = None, 0.0
     if settings.variant == "corridor":
         points = nearby_cloud((view, *others), reach, settings.drone_radius_m + settings.clearance_m)
+        radius = body_radius_m(points, settings)
     marked = []
     for k, label in enumerate(LABELS, start=1):
         x_px = width * k / 6.0
@@ -67,9 +68,9 @@ def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Setti
         if points is None:
             found = _bare(view, x_px, from_axis, settings)
         elif not _seen(view, x_px):
-            found = Corridor(0.0, None, body_radius_m(points, settings))
+            found = Corridor(0.0, None, radius)
         else:
-            found = corridor(points, bearing, settings)
+            found = corridor(points, bearing, radius, settings.l_max_m)
         marked.append(MarkedPoint(label, k / 6.0, 0.5, bearing, found))
     return tuple(marked)
 
@@ -85,12 +86,11 @@ def body_radius_m(points: Points, settings: Settings) -> float:
     return min(full, max(tight, 0.95 * nearest))
 
 
-def corridor(points: Points, bearing_right_deg: float, settings: Settings) -> Corridor:
-    """The free way along a bearing through `points` (nose frame), at most `l_max_m`, never negative.
+def corridor(points: Points, bearing_right_deg: float, radius: float, l_max_m: float) -> Corridor:
+    """The free way of a ball along a bearing through `points` (nose frame), at most `l_max_m`, never negative.
 
     A point at `along` on the way and `aside` of it stops a ball of radius r at along - sqrt(r^2 - aside^2).
     """
-    radius = body_radius_m(points, settings)
     angle = math.radians(bearing_right_deg)
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
     along = points[:, 0] * cos + points[:, 1] * sin
@@ -98,11 +98,11 @@ def corridor(points: Points, bearing_right_deg: float, settings: Settings) -> Co
     aside_squared = across * across + points[:, 2] * points[:, 2]
     hit = (along > 0.0) & (aside_squared < radius * radius)
     if not hit.any():
-        return Corridor(settings.l_max_m, None, radius)
+        return Corridor(l_max_m, None, radius)
     along = along[hit]
     stops = along - np.sqrt(radius * radius - aside_squared[hit])
     first = int(stops.argmin())
-    return Corridor(min(settings.l_max_m, max(0.0, float(stops[first]))), float(along[first]), radius)
+    return Corridor(min(l_max_m, max(0.0, float(stops[first]))), float(along[first]), radius)
 
 
 def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: Settings) -> Corridor:

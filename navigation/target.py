@@ -101,7 +101,7 @@ def facade_normal(
 ) -> tuple[tuple[float, float], float]:
     """Level unit normal (east, north) of the upright plane that most points lie on, on the drone's side, and the share.
 
-    ground_plan: (N, 2) metres. Lines through pairs of points are tried on a fixed pattern of at most 64 points, so the
+    ground_plan: (N, 2) metres. Lines through pairs of points are tried on a fixed pattern of 40 points, so the
     answer needs no chance; the best is refined by total least squares. Without a good plane: towards the drone, 0.
     """
     if len(ground_plan) < 8:
@@ -109,9 +109,9 @@ def facade_normal(
     centre = ground_plan.mean(axis=0, dtype=np.float64)
     points = ground_plan.astype(np.float64) - centre
     order = np.argsort(points @ np.array([-towards_drone[1], towards_drone[0]]))  # across the line of sight
-    anchors = points[order[np.linspace(0, len(order) - 1, 64).round().astype(np.intp)]]
-    sample = points[:: max(1, len(points) // 2048)]
-    i, j = np.triu_indices(len(anchors), 12)  # neighbours are too close to tell a direction
+    anchors = points[order[np.linspace(0, len(order) - 1, 40).round().astype(np.intp)]]
+    sample = points[:: max(1, len(points) // 1024)]
+    i, j = np.triu_indices(len(anchors), 8)  # neighbours are too close to tell a direction
     leg = anchors[j] - anchors[i]
     length = np.hypot(leg[:, 0], leg[:, 1])
     kept = length > 4.0 * settings.plane_tolerance_m

@@ -105,8 +105,8 @@ def test_in_a_tight_place_the_drone_may_leave_along_the_wall_but_not_into_it() -
 def test_the_body_never_shrinks_below_the_tight_clearance() -> None:
     at_arms_length = np.array([[0.5, 0.0, 0.0]], np.float32)
     assert body_radius_m(at_arms_length, Settings()) == pytest.approx(0.85)
-    assert corridor(at_arms_length, 0.0, Settings()).distance_m == 0.0
-    assert corridor(at_arms_length, 180.0, Settings()).distance_m == 10.0
+    assert corridor(at_arms_length, 0.0, 0.85, 10.0).distance_m == 0.0
+    assert corridor(at_arms_length, 180.0, 0.85, 10.0).distance_m == 10.0
 
 
 def test_a_point_whose_neighbourhood_is_invalid_is_no_way() -> None:
