@@ -5,6 +5,7 @@
 """
 
 from functools import cache
+from threading import Lock, Thread
 from typing import cast, get_args
 
 from fastapi import FastAPI
@@ -32,6 +33,8 @@ def bootstrap(settings: Settings) -> FastAPI:
     )
     truth = settings.flag("SIM_TRUTH")
     renderer = RenderThread(lambda: choose_renderer(preference))
+    # drawn while the service starts and not when the first customer waits
+    Thread(target=_textures, name="textures", daemon=True).start()
     episodes = Episodes(build_scene, renderer, limits)
     return build_app(episodes, renderer, CATALOGUE, truth=truth, token=settings.text("SIM_TOKEN"))
 
@@ -41,7 +44,15 @@ def build_scene(scene: Scene) -> SceneMesh:
     return build_scene_mesh(scene, build, _textures())
 
 
-@cache
+_drawing = Lock()
+
+
 def _textures() -> TextureSet:
-    # one set for all scenes: the renderer keeps its picture of it once
+    with _drawing:
+        return _drawn_textures()
+
+
+@cache
+def _drawn_textures() -> TextureSet:
+    # one set for all scenes: the renderer keeps its copy of it once
     return base_textures().with_pictures(poster_layers())

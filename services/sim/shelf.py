@@ -6,7 +6,7 @@ from concurrent.futures import Executor
 from typing import TypeVar
 
 from contracts.scene import Scene
-from service_kit.errors import Unavailable
+from service_kit.errors import BadQuestion, Unavailable
 from services.sim.render.thread import RendererBusy, RenderThread
 from services.sim.render.views import Renderer, Uploaded
 from services.sim.scenes import ReadyScene, SceneBuilder, make_ready, scene_key
@@ -42,8 +42,7 @@ class SceneShelf:
                 if key not in self._scenes:
                     loop = asyncio.get_running_loop()
                     ready = await loop.run_in_executor(self._workers, make_ready, scene, self._build)
-                    uploaded = await draw(self._renderer, lambda renderer: renderer.upload(ready.mesh))
-                    self._scenes[key] = Shelved(ready, uploaded)
+                    self._scenes[key] = Shelved(ready, await self._upload(ready))
         shelved = self._scenes[key]
         shelved.users += 1
         return shelved
@@ -56,10 +55,21 @@ class SceneShelf:
             self._scenes[key] = self._scenes.pop(key)  # the last to have been used
         unused = [k for k, s in self._scenes.items() if s.users == 0]
         for old in unused[: max(0, len(unused) - self._keep)]:
-            await self._release(self._scenes.pop(old))
+            gone = self._scenes.pop(old)
+            try:
+                await self._release(gone)
+            except Unavailable:
+                self._scenes.setdefault(old, gone)  # it goes when the next scene is given back
+                break
 
     def __len__(self) -> int:
         return len(self._scenes)
+
+    async def _upload(self, ready: ReadyScene) -> Uploaded:
+        try:
+            return await draw(self._renderer, lambda renderer: renderer.upload(ready.mesh))
+        except ValueError as error:
+            raise BadQuestion(f"the scene can't be drawn: {error}", code="bad_scene") from None
 
     async def _release(self, shelved: Shelved) -> None:
         await draw(self._renderer, lambda _: shelved.uploaded.release())
