@@ -1,8 +1,10 @@
 """One building of each kind: walls, entrance, bands, roof, and what makes the kind recognisable."""
 
 from math import atan2
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contracts.scene import Building
 from contracts.scene_layout import columns_of, facades, floor_outline, wall_height_m
@@ -32,9 +34,11 @@ def build_building(
     for k, plan in enumerate(plans if building.setback_m else plans[:1]):
         z1 = (k + 1) * h if building.setback_m else top
         assembly.block(part, prism(plan, k * h if k else -0.2, z1, bottom=False))
-    assembly.draw(part, _entrance(assembly, part, building, textures, rng, toward))
+    spot = door_spot(building, toward)
+    if spot is not None:
+        assembly.draw(part, _entrance(assembly, part, building, textures, spot))
     if building.kind == "cultural":
-        roof = _temple(assembly, part, building, plans, textures)
+        roof = _temple(assembly, part, building, plans, textures, spot)
     else:
         assembly.draw(part, _bands(building, plans[0], textures))
         roof = _roof(building, plans[0], textures, rng)
@@ -103,7 +107,7 @@ def _bands(building: Building, plan: Plan, textures: TextureSet) -> list[Mesh]:
     return parts
 
 
-def _quoins(top: float, colour: str, frame: np.ndarray, mirrored: bool) -> Mesh:  # type: ignore[type-arg]
+def _quoins(top: float, colour: str, frame: NDArray[np.float64], mirrored: bool) -> Mesh:
     """Corner stones, long and short in turn, on one side of a corner."""
     stones = []
     z, k = 0.45, 0
@@ -153,34 +157,38 @@ def _chimneys(
     return parts
 
 
-def _entrance(
-    assembly: Assembly, part: int, building: Building, textures: TextureSet, rng: np.random.Generator, toward: Toward
-) -> list[Mesh]:
-    """A door between two windows of the ground floor, as near to the middle of its facade as there is room."""
-    walls = facades(building)
-    order = sorted(walls, key=lambda w: -(w.normal[0] * toward[0] + w.normal[1] * toward[1]))
-    grid, style = building.windows, building.style
-    for wall in order:
+class DoorSpot(NamedTuple):
+    """Where the entrance is: the wall's axes at its foot, its width and the free wall around it, metres."""
+
+    frame: NDArray[np.float64]
+    width_m: float
+    room_m: float
+
+
+def door_spot(building: Building, toward: Toward) -> DoorSpot | None:
+    """Between two windows of the ground floor, as near to the middle of its facade as there is room."""
+    grid = building.windows
+    for wall in sorted(facades(building), key=lambda w: -(w.normal[0] * toward[0] + w.normal[1] * toward[1])):
         count = columns_of(building, wall.number)
         middle = [wall.length_m / 2 + (c - (count - 1) / 2) * grid.pitch_m for c in range(count)]
         edges = [0.2, *(m + s * (grid.width_m / 2 + 0.12) for m in middle for s in (-1, 1)), wall.length_m - 0.2]
         gaps = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= 1.0]
-        if not gaps:
-            continue
-        a, b = min(gaps, key=lambda g: abs((g[0] + g[1]) / 2 - wall.length_m / 2))
-        width = min(1.15, b - a - 0.24)
-        t = (a + b) / 2
-        origin = (wall.start[0] + wall.along[0] * t, wall.start[1] + wall.along[1] * t, 0.0)
-        frame = wall_frame(wall.normal, wall.along, origin)
-        door, solid = _door(building, width, min(b - a, 3.0), textures, rng)
-        assembly.block(part, stamped(solid, [frame]))
-        return [stamped(door, [frame])]
-    return []
+        if gaps:
+            a, b = min(gaps, key=lambda g: abs((g[0] + g[1]) / 2 - wall.length_m / 2))
+            t = (a + b) / 2
+            origin = (wall.start[0] + wall.along[0] * t, wall.start[1] + wall.along[1] * t, 0.0)
+            room = min(b - a, 3.0)
+            return DoorSpot(wall_frame(wall.normal, wall.along, origin), min(1.15, room - 0.24), room)
+    return None
 
 
-def _door(
-    building: Building, width: float, room: float, textures: TextureSet, rng: np.random.Generator
-) -> tuple[Mesh, Mesh]:
+def _entrance(assembly: Assembly, part: int, building: Building, textures: TextureSet, spot: DoorSpot) -> list[Mesh]:
+    door, solid = _door(building, spot.width_m, spot.room_m, textures)
+    assembly.block(part, stamped(solid, [spot.frame]))
+    return [stamped(door, [spot.frame])]
+
+
+def _door(building: Building, width: float, room: float, textures: TextureSet) -> tuple[Mesh, Mesh]:
     """The door in the wall's axes, and what of it is solid."""
     style = building.style
     w, h = width / 2, 2.2
@@ -226,7 +234,9 @@ def _door(
     return concatenate(parts), concatenate(solid)
 
 
-def _temple(assembly: Assembly, part: int, building: Building, plans: list[Plan], textures: TextureSet) -> list[Mesh]:
+def _temple(
+    assembly: Assembly, part: int, building: Building, plans: list[Plan], textures: TextureSet, spot: DoorSpot | None
+) -> list[Mesh]:
     """Platform, columns, brackets, tiers of eaves and the roof on top."""
     style, h = building.style, building.floor_height_m
     colour, layer = style.accent_colour, textures.layer("glazed_tile")
@@ -244,10 +254,13 @@ def _temple(assembly: Assembly, part: int, building: Building, plans: list[Plan]
         last = k == building.floors - 1
         details = columns(grown(plan, 0.03), k * h + (0.2 if k == 0 else 0.0), top - 0.3, timber, 0.19)
         if building.roof == "hall":
-            details += columns(
-                _between_windows(building, k + 1), k * h + (0.2 if k == 0 else 0), top - 0.3, timber, 0.17
-            )
+            engaged = _between_windows(building, k + 1)
+            if k == 0 and spot is not None:
+                engaged = engaged[np.linalg.norm(engaged - spot.frame[:2, 3], axis=1) > 0.9]
+            details += columns(engaged, k * h + (0.2 if k == 0 else 0.0), top - 0.3, timber, 0.17)
         details += brackets(plan, top - 0.2, style)
+        # the wall goes on a little behind the eaves, so that nobody looks into the roof
+        details += swept(plan, [(0.0, top), (0.0, top + 0.16)], style.wall_colour)
         if building.setback_m and k:
             details += swept(plan, band(0.12, k * h + 0.62, k * h + 0.78), style.trim_colour)
         assembly.draw(part, details)

@@ -1,4 +1,4 @@
-"""The walls of a building: real openings with windows set back in them, balconies, bands; floor group by floor group."""
+"""The walls of a building: real openings with windows set back in them, and balconies; a few floors at a time."""
 
 import zlib
 from typing import NamedTuple
@@ -95,7 +95,9 @@ def _wall(
     ys, zs = np.array(edges), np.array(rows)
     p = np.stack(np.meshgrid(ys, zs), -1).reshape(-1, 2)
     n = len(ys)
-    faces, spandrels, ground = [], [], []
+    faces: list[tuple[int, int, int]] = []
+    spandrels: list[tuple[int, int, int]] = []
+    ground: list[tuple[int, int, int]] = []
     for j in range(len(zs) - 1):
         floor, band = floors[j // 4], j % 4
         for i in range(n - 1):
@@ -128,8 +130,8 @@ def _wall(
     whole = concatenate([m for m in meshes if m.triangle_count])
     top = building.floors * building.floor_height_m
     # a little darkness where the wall meets the ground and under the eaves
-    z = whole.positions[:, 2]
-    light = 1.0 - 0.20 * np.exp(-z / 0.35) - 0.16 * np.exp(-(top - z) / 0.3)
+    up = whole.positions[:, 2]
+    light = 1.0 - 0.20 * np.exp(-up / 0.35) - 0.16 * np.exp(-(top - up) / 0.3)
     shaded = np.clip(whole.colours * light[:, None], 0, 255).astype(np.uint8)
     return Mesh(whole.positions, whole.normals, whole.uv, shaded, whole.layer, whole.faces)
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contracts.scene import Tree
-from services.sim.geometry.mesh import Mesh, concatenate, mixed
+from services.sim.geometry.mesh import Colour, Mesh, concatenate, mixed
 from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, tube
 from services.sim.geometry.textures import TextureSet
 
@@ -37,7 +37,7 @@ def tree_solid(plant: Tree) -> Mesh:
 def _lump(
     radii: tuple[float, float, float],
     centre: tuple[float, float, float],
-    colour: str,
+    colour: Colour,
     layer: int,
     rng: np.random.Generator,
     segments: int = 10,
@@ -80,9 +80,7 @@ def _broadleaf(plant: Tree, textures: TextureSet, rng: np.random.Generator) -> M
         size = c * float(rng.uniform(0.38, 0.52))
         z = middle + half * float(rng.uniform(-0.45, 0.35))
         shade = mixed(green, "#20301a" if k % 2 else "#9aa860", 0.14)
-        parts.append(
-            _lump((size, size, size * 0.85), (r * np.cos(a), r * np.sin(a), z), "#%02x%02x%02x" % shade, leaf, rng)
-        )
+        parts.append(_lump((size, size, size * 0.85), (r * np.cos(a), r * np.sin(a), z), shade, leaf, rng))
     return concatenate(parts)
 
 

@@ -1,6 +1,7 @@
 """Ground plans: moving their edges out, sweeping profiles round them, cutting them into rectangles."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,7 +35,7 @@ def swept_edge(
     """A profile of (metres out of the wall, z), outside on its right going up, along one edge, mitred at both ends."""
     rings = [(grown(plan, out)[[edge, (edge + 1) % len(plan)]], z) for out, z in profile]
     meshes = []
-    for (a, za), (b, zb) in zip(rings, rings[1:], strict=False):
+    for (a, za), (b, zb) in pairwise(rings):
         meshes.append(quad([(*a[0], za), (*a[1], za), (*b[1], zb), (*b[0], zb)], colour, layer))
     return meshes
 
@@ -82,12 +83,7 @@ def rectangles(plan: Plan) -> list[Rectangle]:
     if (np.minimum(np.abs(step[:, 0]), np.abs(step[:, 1])) > 1e-3).any():
         return []
     xs, ys = (np.unique(np.round(local[:, k], 4)) for k in (0, 1))
-    cells = np.array(
-        [
-            [_inside((a + b) / 2, (c + d) / 2, local) for c, d in zip(ys, ys[1:], strict=False)]
-            for a, b in zip(xs, xs[1:], strict=False)
-        ]
-    )
+    cells = np.array([[_inside((a + b) / 2, (c + d) / 2, local) for c, d in pairwise(ys)] for a, b in pairwise(xs)])
     full = [
         (i, j, k, m)
         for i in range(len(xs) - 1)

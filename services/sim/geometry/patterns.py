@@ -122,9 +122,9 @@ def timber(size: int) -> Picture:
 
 
 def lacquer(size: int) -> Picture:
-    x, y = grid(size)
+    x, _ = grid(size)
     value = 0.92 + 0.06 * noise(size, 4, 15, 3)
-    edge = np.minimum(np.abs(x * 2 % 1 - 0.5), 1) > 0.485
+    edge = np.abs(x * 2 % 1 - 0.5) > 0.485
     return picture(np.where(edge, value * 0.76, value))
 
 
@@ -167,7 +167,7 @@ def grass(size: int) -> Picture:
 
 
 def paving(size: int) -> Picture:
-    return _bond(size, 5, 10, (0.02, 0.035), 0.86, 29)
+    return _bond(size, 6, 6, (0.025, 0.025), 0.92, 29)
 
 
 def asphalt(size: int) -> Picture:
@@ -183,6 +183,17 @@ def leaves(size: int) -> Picture:
     a = noise(size, 16, 35, 4, 0.9)
     value = 0.72 + 0.55 * np.tanh(2.2 * a) * 0.6
     return picture(np.stack([value * 0.97, value, value * 0.86], -1))
+
+
+def town(size: int) -> Picture:
+    """A far facade: 4 by 4 windows, no more than dark spots."""
+    x, y = grid(size)
+    rng = np.random.default_rng(37)
+    glass = (np.abs(x * 4 % 1 - 0.5) < 0.24) & (np.abs(y * 4 % 1 - 0.45) < 0.27)
+    tone = rng.uniform(0.30, 0.62, (4, 4))[(y * 4).astype(int), (x * 4).astype(int)]
+    band = np.where(y * 4 % 1 > 0.93, 0.86, 0.97)
+    value = np.where(glass, tone, band)
+    return picture(np.stack([value * 0.97, value, value * 1.02], -1))
 
 
 def clouds(size: int) -> Picture:
@@ -205,9 +216,10 @@ TILED: dict[str, Pattern] = {
     "glazed_tile": Pattern(glazed_tile, 2.4),
     "metal": Pattern(seam_metal, 2.0),
     "grass": Pattern(grass, 9.0),
-    "paving": Pattern(paving, 3.0),
+    "paving": Pattern(paving, 2.4),
     "asphalt": Pattern(asphalt, 5.0),
     "gravel": Pattern(gravel, 3.0),
+    "town": Pattern(town, 12.0),
     "leaves": Pattern(leaves, 1.6),
     "clouds": Pattern(clouds, 1.0),
 }

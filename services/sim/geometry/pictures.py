@@ -15,7 +15,8 @@ def _glass(size: int, seed: int, dark: float = 0.10) -> Floats:
     mirror = np.clip(0.36 - 0.42 * y + 0.05 * noise(size, 4, seed + 1, 3), 0, 1)
     gleam = 0.07 * (np.abs((x + 0.55 * y) % 1.0 - 0.42) < 0.09) * np.clip(1.1 - y, 0, 1)
     light = mirror + gleam
-    return room[..., None] * np.array([1.0, 1.02, 1.05]) + light[..., None] * np.array([0.80, 0.95, 1.12])
+    glass = room[..., None] * np.array([1.0, 1.02, 1.05]) + light[..., None] * np.array([0.80, 0.95, 1.12])
+    return np.asarray(glass, np.float64)
 
 
 def _folds(size: int, count: float, seed: int) -> Floats:

@@ -113,7 +113,7 @@ def _in_pane(building: Building, place: WindowPlace, mesh: Mesh, thing: SceneObj
 def _hung(building: Building, place: WindowPlace, mesh: Mesh) -> tuple[Mesh, Mesh]:
     """From an arm over the window, clear of the wall."""
     grid = building.windows
-    low, high = mesh.bounds
+    low, _ = mesh.bounds
     x = max(0.24, 0.06 - float(low[0]))
     z = grid.height_m / 2 + 0.06
     local = mesh.transformed(move=(x, place.offset_m, z - 0.03))

@@ -1,5 +1,6 @@
 """The ground and what stands on it: surfaces, roads with pavements, cars, lamps, trees."""
 
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -7,6 +8,7 @@ from shapely import geometry as shape
 from shapely.ops import unary_union
 
 from contracts.scene import Car, Road, Scene
+from services.sim.geometry.backdrop import build_backdrop
 from services.sim.geometry.facade import chance
 from services.sim.geometry.greenery import tree, tree_solid
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
@@ -24,6 +26,7 @@ def build_surroundings(assembly: Assembly, scene: Scene, textures: TextureSet) -
     """Everything that is neither a building nor an object, as one part."""
     part = assembly.part("surroundings", "surroundings")
     _ground(assembly, part, scene, textures)
+    build_backdrop(assembly, part, scene, textures)
     trees = []
     for i, plant in enumerate(scene.ground.trees):
         trees.append(tree(plant, textures, chance(scene.seed, f"tree {i}")))
@@ -125,7 +128,7 @@ def _kerbs(piece: shape.Polygon) -> list[Mesh]:
     oriented = shape.polygon.orient(piece)
     for ring in (oriented.exterior, *oriented.interiors):
         p = np.array(ring.coords)
-        for a, b in zip(p, p[1:], strict=False):
+        for a, b in pairwise(p):
             parts.append(quad([(*a, 0.0), (*b, 0.0), (*b, KERB_M), (*a, KERB_M)], "#a5a29c"))
     return parts
 

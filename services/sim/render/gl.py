@@ -103,7 +103,7 @@ class GlRenderer:
 
     def __init__(self, max_size: int = 1600, max_views: int = 5) -> None:
         try:
-            self._gl = moderngl.create_context(standalone=True, backend="egl", require=430)
+            self._gl = moderngl.create_context(standalone=True, require=430, backend="egl")  # type: ignore[arg-type]
         except Exception as error:
             raise NoGlContext(f"no EGL context with OpenGL 4.3: {str(error) or type(error).__name__}") from error
         info = self._gl.info
@@ -134,7 +134,7 @@ class GlRenderer:
         self._draw(uploaded, pose, headings_deg, size, target, "scene")
         v = len(headings_deg)
         rgba = np.frombuffer(target.read(components=4, attachment=0), np.uint8).reshape(v * size, size, 4)
-        rgb = cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB).reshape(v, size, size, 3)
+        rgb = np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), np.uint8).reshape(v, size, size, 3)
         depth = np.frombuffer(target.read(components=1, attachment=1, dtype="u2"), np.uint16)
         return RenderedViews(rgb, depth.reshape(v, size, size))
 
@@ -191,6 +191,8 @@ class GlRenderer:
         target = self._gl.framebuffer(depth_attachment=uploaded.shade)
         target.use()
         target.clear(depth=1.0)
+        # a rim without shadow, because everything beyond the map reads its rim
+        target.scissor = (1, 1, SHADOW_SIZE - 2, SHADOW_SIZE - 2)
         self._gl.enable_only(moderngl.DEPTH_TEST)
         _set_matrix(self._programs["shadow"], "to_sun", _sun_matrix(uploaded.scene))
         uploaded.shadow.render()

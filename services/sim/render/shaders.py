@@ -28,6 +28,7 @@ void main() {
     ambient *= 1.0 + dot(normal, fill_light);
     lit = vec4(ambient, max(dot(normal, sun), 0.0));
     sun_place = (to_sun * vec4(in_position + normal * 0.06, 1.0)).xyz * 0.5 + 0.5;
+    sun_place.z = min(sun_place.z, 0.999);
 }
 """
 
@@ -95,9 +96,11 @@ layout(location = 1) out uint depth_units;
 void main() {
     vec3 d = normalize(direction);
     float up = max(d.z, 0.0);
-    vec3 c = mix(horizon, zenith, 1.0 - pow(1.0 - up, 3.0));
+    float low = 1.0 - up;
+    vec3 c = mix(zenith, horizon, low * low * low);
     float s = max(dot(d, sun), 0.0);
-    c += glow * (0.25 * s * s + 0.75 * pow(s, 64.0));
+    float s2 = s * s, s8 = s2 * s2 * s2 * s2, s64 = s8 * s8 * s8 * s8 * s8 * s8 * s8 * s8;
+    c += glow * (0.25 * s2 + 0.75 * s64);
     vec2 at = d.xy / (up + 0.16);
     float density = texture(surface, vec3(at * 0.11 + 0.37, cloud_layer)).r;
     float inside = smoothstep(1.0 - cover, 1.25 - cover, density) * smoothstep(0.02, 0.22, up);

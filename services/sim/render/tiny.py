@@ -152,7 +152,7 @@ def _sky(scene: SceneMesh, size: int) -> NDArray[np.uint8]:
     up = rise / np.sqrt(1 + rise**2)
     share = 1 - (1 - up) ** 3
     colour = np.array(weather.horizon) * (1 - share) + np.array(weather.zenith) * share
-    return np.rint(np.sqrt(colour) * 255).astype(np.uint8)[:, None, :]
+    return np.asarray(np.rint(np.sqrt(colour) * 255), np.uint8)[:, None, :]
 
 
 def _atlas(scene: SceneMesh) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
