@@ -115,8 +115,14 @@ class _Chunker:
 
     def _is_labelled(self, at: int) -> bool:
         """Behind a label ("Mark: hand saw") a word that is noun or verb is a noun if it goes on like one."""
-        label = at > 0 and self._tokens[at - 1].kind is Kind.SYMBOL and self._tokens[at - 1].norm in (":", "=")
-        return label and self._is_plain(at + 1)
+        if not self._is_plain(at + 1):
+            return False
+        if at > 0 and self._tokens[at - 1].norm in (":", "="):
+            return True
+        return self._is_break(at - 1) and self._is_break(at + 2) and self._norm(at) not in _COMMANDS
+
+    def _is_break(self, at: int) -> bool:
+        return not 0 <= at < self._size or at in self._taken or self._tokens[at].kind in (Kind.SYMBOL, Kind.STOP)
 
     def _make(self, determiner: str, lead: int, first: int, last: int, head: int) -> Phrase:
         words = tuple(self._tokens[i].raw.lower() if self._tokens[i].raw else self._norm(i) for i in range(first, last))
@@ -153,6 +159,9 @@ class _Chunker:
             if self._belongs(at, open_before or at > start, has_noun):
                 has_noun = has_noun or self._norm(at) not in lex.ATTRIBUTES
                 at += 1
+                persons = self._norm(at - 1) in lex.KIN and self._norm(at) not in lex.OBJECT_NOUNS
+                if persons and self._norm(at - 1) not in ("baby", "kid", "child", "nurse"):
+                    break
             elif (
                 at > start
                 and self._norm(at) in ("and", ",")
@@ -249,6 +258,7 @@ class _Chunker:
 _PLACES_AND_PEOPLE = (
     lex.PEOPLE | lex.ANCHORS | lex.FLOOR_NOUNS | words("building block tower house street side floor mine ours room")
 )
+_COMMANDS = words("drop ring press hold stop skip watch catch top pass past can")
 _NEVER_FIRST = frozenset(
     word
     for word in lex.CLOSED - lex.DETERMINERS - lex.EVALUATIVE - lex.NOUN_OR_VERB

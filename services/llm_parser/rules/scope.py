@@ -1,6 +1,5 @@
 """Whose is it, is it meant, and is it still so: the context of a mention."""
 
-import re
 from enum import Enum
 
 from services.llm_parser.rules import lexicon as lex
@@ -128,9 +127,7 @@ def negated(tokens: list[Token], at: int, floor: int = 0) -> bool:
             between = {tokens[i].norm for i in range(back + 1, at)}
             if tokens[back + 1].norm == "be" and between & {"by", "with", "into"}:
                 return True
-            if between & _DONT_VERBS and not between & {"miss", "forget", "hesitate"}:
-                return True
-            return False
+            return bool(between & _DONT_VERBS and not between & {"miss", "forget", "hesitate"})
         if word in _AVOID and word != "forget":
             return True
         if word == "forget" and not (back and tokens[back - 1].norm in ("not", "n't")):
@@ -218,159 +215,3 @@ def _follows_from(tokens: list[Token], at: int, sentence: int) -> bool:
         for t in tokens[max(0, at - 8) : at]
         if t.sentence == sentence
     )
-
-
-_DENIALS = (
-    "not mine",
-    "not ours",
-    "not us",
-    "not me",
-    "not my",
-    "not our",
-    "not it",
-    "the wrong",
-    "wrong one",
-    "wrong window",
-    "too far",
-    "next door",
-    "someone else",
-    "somebody else",
-    "other family",
-    "is theirs",
-    "is hers",
-    "is his",
-    "not affiliated",
-    "not for me",
-    "gone too",
-    "keep going",
-    "turn around",
-    "turn back",
-    "not the one",
-    "another flat",
-    "another apartment",
-    "another family",
-    "different flat",
-    "different apartment",
-    "different window",
-    "other people",
-    "is a decoy",
-    "is gone",
-    "blew away",
-    "fly on",
-    "move on",
-    "carry on",
-    "anymore",
-    "any more",
-    "no longer",
-    "not more",
-    "out of habit",
-    "last time",
-    "is not where",
-    "not that",
-    "was stolen",
-    "got stolen",
-    "ignore it",
-    "ignore that",
-    "skip it",
-    "that was before",
-    "was wrong",
-    "is wrong",
-    "by mistake",
-    "that is them",
-    "not where",
-    "is the neighbour",
-    "is my neighbour",
-    "is our neighbour",
-    "is a neighbour",
-    "that is the guy",
-    "that is the lady",
-    "that is the other",
-    "is the other",
-    "stay away",
-    "outdated",
-    "out of date",
-    "incorrect",
-    "not true",
-    "not right",
-    "not correct",
-    "is old",
-    "not try there",
-    "not of",
-    "used to be",
-)
-_CONFIRMATIONS = (
-    "that is us",
-    "that is me",
-    "that is mine",
-    "that is ours",
-    "that is my",
-    "that is our",
-    "is mine",
-    "is ours",
-    "= mine",
-    "= me",
-    "= us",
-    "= my",
-    "is my window",
-    "is our window",
-    "marks",
-    "is me",
-    "is us",
-    "is my landmark",
-    "is right",
-    "you have reached",
-    "you have found",
-    "you are at my",
-    "you are at our",
-    "right place",
-    "right window",
-    "will be me",
-    "gives me away",
-    "that one is mine",
-)
-
-
-def _any_of(phrases: tuple[str, ...]) -> re.Pattern[str]:
-    return re.compile("(?<= )(?:" + "|".join(re.escape(phrase.strip()) for phrase in phrases) + ")(?= )")
-
-
-_DENIAL = _any_of(_DENIALS)
-_BELONGS_ELSEWHERE = re.compile(r" belongs? to (?!me |us |my (?!neighbour)|our (?!neighbour))| = not ")
-_CONFIRMATION = _any_of(_CONFIRMATIONS)
-_GOES_ON = words("you then that which it but not no and so is was = he she they - (")
-
-
-def after(tokens: list[Token], at: int, limit: int) -> str:
-    """The words from token `at` on, up to `limit` (exclusive), 10 words or a clause about something else, as one text
-    for a look at fixed phrases; "|" is the end of a sentence."""
-    said: list[str] = []
-    for index in range(at, min(limit, at + 11, len(tokens))):
-        token = tokens[index]
-        if token.kind is Kind.STOP:
-            said.append("|")
-        elif token.kind is Kind.SYMBOL and token.norm != "=":
-            following = tokens[index + 1].norm if index + 1 < len(tokens) else ""
-            if following not in _GOES_ON:
-                break
-        else:
-            said.append(token.norm)
-    return " " + " ".join(said).replace(" 's", " is") + " "
-
-
-# "my ..." opens a matter of the customer's own, but "is my neighbour's" and "belongs to my ..." go on about the thing
-_ANOTHER_MATTER = re.compile(r"(?<! belongs to) my (?!neighbour )")
-
-
-def denied_after(text: str) -> bool:
-    """Is what stood before `text` taken back by it: "... that's the wrong one", "... but not any more"?"""
-    own = _ANOTHER_MATTER.split(text)[0] if " not my " not in text else text
-    if "|" in own:
-        first, second = own.split("|", 1)
-        goes_on = second.startswith((" that is", " it is not", " not", " stay away"))
-        own = first + (second.split("|")[0] if goes_on else "")
-    return _DENIAL.search(own) is not None or _BELONGS_ELSEWHERE.search(own) is not None
-
-
-def confirmed_after(text: str) -> bool:
-    """Is what stood before `text` claimed by it: "... is mine", "... that's us"?"""
-    return _CONFIRMATION.search(text) is not None and "not m" not in text and "not o" not in text

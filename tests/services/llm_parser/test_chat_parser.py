@@ -49,8 +49,6 @@ async def test_the_question_carries_three_steps_examples_and_the_request_to_the_
     assert message["role"] == "user"
     assert all(f"Step {n}" in message["content"] for n in (1, 2, 3))
     assert message["content"].count("</request>") == 1 + 3 + 1
-        "two mentions in the task, three examples are wrapped, and the request"
-    )
     assert message["content"].endswith(f"<request>{REQUEST}</request>")
     assert model_server.headers[0]["Authorization"] == "Bearer s3cret"
 
@@ -73,7 +71,8 @@ DEEPSEEK = (
     "<think>\nOkay, so I need to figure out the floor and the object. The customer says they are on the seventh floor. "
     'The tower has 22 storeys, which is irrelevant. Maybe {"floor": 22, "object": "tower"}? No. Wait, the neighbour on '
     "the sixth has a red kite, that is a distraction.\n</think>\n\n**Step 1:** strip the pizza and the neighbour.\n\n"
-    '**Step 2:** 7.\n\n**Step 3:** "green flower pot".\n\n```json\n{\n  "floor": 7,\n  "object": "green flower pot"\n}\n```'
+    '**Step 2:** 7.\n\n**Step 3:** "green flower pot".\n\n'
+    '```json\n{\n  "floor": 7,\n  "object": "green flower pot"\n}\n```'
 )
 
 READABLE = {

@@ -1,0 +1,258 @@
+"""What the words around a phrase, and its own words, say about its being the mark at the customer's window.
+
+All figures are points on one scale: about 5 for a plain statement ("my window has a ..."), 3 for a hint ("next to the
+..."), 1 or less for what only breaks ties (a colour).
+"""
+
+from collections.abc import Set
+
+from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules.lexicon import words
+from services.llm_parser.rules.phrases import Phrase
+from services.llm_parser.rules.tokens import Kind, Token
+
+_SEEK = words("look looking search searching watch watching lookout eye eyes")
+"""These look for something only together with "for", "out", "at"."""
+_LOOK = words(
+    "see spot find recognise recognize identify notice notices sees identifiable identified marked marks marker "
+    "mark landmark reference seek spotting finding recognisable recognizable marking flagged distinguished beacon "
+    "mentioned sign spots clue hint cue seeing locate locating follow visual identifier id indicator "
+    "distinguishable visible decorated adorned"
+)
+_STAND = words("is are hangs stands sits hang stand sit lies hanging standing sitting lives stays")
+_STANDING = words("hangs stands sits hanging standing sitting hang stand stays dangles dangling")
+_NEAR = words(
+    "near beside by behind under underneath below above opposite adjacent alongside next close besides against "
+    "facing around"
+)
+_DELIVER = words(
+    "deliver bring send leave drop put take hand carry fly get need want ordered order expecting sending bringing "
+    "expect leaving dropping delivering place set await awaiting handing requested give buy bought receive brought "
+    "wants purchased dispatched dispatch transport shipment lower pick collect return ship pass waiting lost "
+    "missing"
+)
+_BOTH_WAYS = words("put puts placed place set left")
+"""What the drone is told to do with the parcel, and what the customer did with the mark."""
+_COMMANDING = words("please and you to kindly just or then , be it")
+_PUT_OUT = words("put placed place hung set stuck tied left installed mounted taped parked propped hooked fixed")
+_HAVE = words(
+    "has have having got keep keeps kept with 's shows displays displaying features featuring bearing sports bears "
+    "carries boasts showing holds wearing holding"
+)
+_HOUSEHOLD = words("she he they dad mum mom mummy daddy wife husband son daughter sister brother grandma grandpa")
+_SELF = words("i we")
+_AT = words("at by on in outside near beside behind next inside from below under above against across over")
+_SET_UP = words(
+    "hanging standing sitting right displayed placed just there leaning fixed mounted painted taped tied still"
+)
+_PERSONS_DO = words(
+    "put puts painted says said told tells thinks lives likes loves bought ordered wants keeps works has"
+)
+_PLACES = lex.ANCHORS | lex.DWELLINGS
+_BREAKS = (Kind.STOP, Kind.SYMBOL)
+_LABELS = words("item items parcel order contents package goods delivery ordered deliver product")
+
+
+def own_worth(tokens: list[Token], phrase: Phrase) -> float:
+    """What the phrase's own words say: what cameras see counts, goods and abstractions count against it."""
+    own = {tokens[i].norm for i in range(phrase.first, phrase.last)}
+    head = tokens[phrase.head].norm
+    known = head in lex.OBJECT_NOUNS or head.rstrip("s") in lex.OBJECT_NOUNS
+    worth = 0.75 * known
+    if own & lex.COLOURS:
+        worth += 1.0
+    elif own & lex.ATTRIBUTES:
+        worth += 0.5
+    if head in lex.PARCEL_NOUNS:
+        worth -= 4.0
+    if head in lex.SOFT_NOUNS:
+        worth -= 0.5
+    proper = tokens[phrase.head].raw[:1].isupper() and not tokens[phrase.head].raw.isupper()
+    inside = bool(phrase.lead) and tokens[phrase.lead - 1].is_word
+    if len(own) == 1 and not phrase.determiner and inside and not known:
+        worth -= 1.5 if proper else 0.75
+    if phrase.determiner in ("no", "any", "every", "each"):
+        worth -= 2.0
+    if head.endswith(("ness", "tion", "ment", "ity", "ism")):
+        worth -= 2.0
+    return worth
+
+
+def before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
+    """The words in front of the phrase, back to token `limit` or the sentence's start."""
+    back: list[str] = []
+    for at in range(phrase.lead - 1, max(limit, phrase.lead - 9) - 1, -1):
+        if tokens[at].kind is Kind.STOP:
+            break
+        back.append(tokens[at].norm)
+    if not back:
+        return 0.0
+    back += ["", ""]
+    score = _sought(back) + _had(back) + _placed(back) + _stands(back)
+    sentence = tokens[phrase.lead].sentence
+    farther = [t.norm for t in tokens[max(0, phrase.lead - 16) : phrase.lead] if t.sentence == sentence]
+    if _delivered(back, bool(set(farther) & _SELF)):
+        score -= 2.0 if "bought" in back[:3] else 5.0
+    return score
+
+
+def _sought(back: list[str]) -> float:
+    """ "look for a ...", "marked by the ...", "Marker: ..."."""
+    first, near = back[0], set(back[:4])
+    score = 0.0
+    looks = near & _SEEK and (first in _SEEK or first in ("for", "out", "at") or "for" in back[:3])
+    if looks or near & _LOOK:
+        score += 4.0
+    if first in (":", "=", "-") and any(w in _LOOK | _PLACES for w in back[1:3]):
+        score += 4.0
+    if near & {"outside"} and first not in ("at", "on", "in"):
+        score += 1.0
+    if first in ("still", "mentioned"):
+        score += 1.5
+    if first in ("on", "in", "to", "for", "into", "from", "about", "until") and not looks and not near & _LOOK:
+        score -= 1.5
+    return score
+
+
+def _had(back: list[str]) -> float:
+    """ "my window has a ...", "the one with a ...", "we've got a ..."."""
+    first, second = back[0], back[1]
+    if first not in _HAVE and not (first in ("up", "out") and second in _HAVE):
+        return 0.0
+    hosts = set(back[1:5])
+    if first in ("keep", "keeps", "kept", "holding") and not hosts & (_SELF | _PLACES):
+        return 0.0
+    if hosts & lex.ANCHORS:
+        return 5.0
+    if hosts & _PLACES:
+        return 4.5
+    return 3.0 if hosts & _SELF else 2.0
+
+
+def _placed(back: list[str]) -> float:
+    """ "next to the ...", "I put a ...", "at the window she put a ..."."""
+    first, second = back[0], back[1]
+    score = 0.0
+    beside = first in ("to", "of", "from") and second in ("next", "close", "adjacent", "front", "left", "right", "side")
+    if first in _NEAR or beside:
+        score += 4.0 if set(back[1:6]) & lex.ANCHORS else 3.0
+    if set(back[:3]) & _PUT_OUT and set(back[1:5]) & _SELF:
+        score += 3.0
+    elif first in _PUT_OUT | {"puts", "hangs"} and set(back[1:4]) & _HOUSEHOLD:
+        score += 2.0
+    if first not in _HAVE and set(back[1:7]) & lex.ANCHORS and set(back[2:8]) & {"at", "on", "by", "in"}:
+        score += 1.0
+    return score
+
+
+def _stands(back: list[str]) -> float:
+    """ "there is a ...", "where hangs a ...", "ours is the ..."."""
+    first, second = back[0], back[1]
+    if first in _STAND and second in ("mine", "ours"):
+        return 4.0
+    if first in _STAND and second in ("there", "here", "hangs", "where"):
+        return 3.0
+    if first in _STANDING or (first == "is" and set(back[1:3]) & (_LOOK | lex.ANCHORS)):
+        return 3.0
+    if first == "is" and (set(back[1:6]) & {"thing", "something", "my", "our"}):
+        return 1.0
+    if first in ("is", "be", "are", "'s"):
+        return -0.25 if second in ("it", "that", "this") else -0.5
+    return 2.5 if first == "where" and second != "is" else 0.0
+
+
+def _delivered(back: list[str], told: bool) -> bool:
+    """Is the phrase what is to be brought: the direct object of "bring", "leave", "waiting for" and the like?
+
+    `told`: the sentence says what the customer did ("we moved and put ...").
+    """
+    if back[0] in (":", "=", "-") and back[1] in _LABELS:
+        return True
+    if back[0] in ("for", "on") and back[1] in ("waiting", "wait"):
+        return True
+    if back[0] in ("of", "with") and (
+        back[1] in ("shipment", "delivery") or set(back[1:4]) & {"care", "careful", "gentle"}
+    ):
+        return True
+    for depth, word in enumerate(back[:5]):
+        if word in _DELIVER:
+            subject = back[depth + 1]
+            ours = subject == "and" and told
+            return not (word in _BOTH_WAYS and subject and (ours or subject not in _COMMANDING))
+        if word not in _BETWEEN or (word in ("for", "to", "out") and depth == 0):
+            return False
+    return False
+
+
+_BETWEEN = words("me us up off over to for please just you kindly out the my")
+
+
+def alone(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> float:
+    """A phrase that is a clause by itself: "The bicycle wheel." or "5th floor, bicycle wheel, thanks"."""
+    front, behind = phrase.lead - 1, phrase.last
+    opens = front < 0 or tokens[front].kind in _BREAKS or front in taken
+    closes = behind >= len(tokens) or tokens[behind].kind in _BREAKS or behind in taken
+    substance = phrase.determiner or phrase.last - phrase.first > 1 or own_worth(tokens, phrase) > 0
+    if opens and closes and substance:
+        return 1.25
+    return 0.75 if opens and phrase.determiner in ("a", "an") else 0.0
+
+
+def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
+    """The words that follow the phrase, up to token `limit` or the sentence's end."""
+    ahead: list[str] = []
+    for at in range(phrase.last, min(limit, phrase.last + 8, len(tokens))):
+        if tokens[at].kind is Kind.STOP:
+            break
+        ahead.append(tokens[at].norm)
+    score = _said_of_it(tokens, phrase)
+    if ahead[:1] == [","]:
+        del ahead[0]
+    if not ahead:
+        return score
+    ahead.append("")
+    first, second, near = ahead[0], ahead[1], set(ahead[:7])
+    at_window = bool(near & lex.ANCHORS)
+    if first in _AT or first in _SET_UP:
+        score += 3.5 if at_window else 2.5 if first == "outside" else 1.0 if near & _PLACES else 0.0
+        score += 1.0 if first in ("hanging", "standing") else 0.0
+    elif first == "that" and second in ("you", "i", "we") and near & _WANTED:
+        score += 2.5
+    elif first in ("that", "which") and second not in ("i", "you", "he", "she", "they"):
+        score += 3.0 if at_window else 2.0 if near & {"outside", "hangs", "stands", "sits"} else 0.0
+    elif first in ("has", "have", "was", "were", "is") and at_window and near & (_SET_UP | _PUT_OUT):
+        score += 3.0
+    elif first in _PERSONS_DO:
+        score -= 2.0
+    elif at_window and first in ("is", "in", ",", "="):
+        score += 1.5
+    if first in ("marks", "hangs", "stands", "sits", "shows", "=", "guards", "serves"):
+        score += 2.5
+    if first in ("is", "are") and second in _IS_THERE:
+        score += 2.0
+    if first == "do":
+        score += 1.5
+    if first == "is" and second == "for":
+        score -= 3.0
+    return score
+
+
+_WANTED = words("find see look spot want need keep kept put placed hung")
+_IS_THERE = words("still at by outside in on hanging visible mine my right")
+_SUBJECT_VERBS = words("is 's still now sits stands hangs has marks shines lives stays")
+
+
+def _said_of_it(tokens: list[Token], phrase: Phrase) -> float:
+    """ "... a cactus! It's sitting in my window": what follows places "it" at the window."""
+    stops = 0
+    end = min(len(tokens), phrase.last + 18)
+    for at in range(phrase.last, end - 2):
+        if tokens[at].kind is Kind.STOP:
+            stops += 1
+            if stops > 2:
+                return 0.0
+        if tokens[at].norm == "it" and tokens[at + 1].norm in _SUBJECT_VERBS:
+            rest = [t.norm for t in tokens[at + 1 : at + 10] if t.sentence == tokens[at].sentence]
+            if set(rest) & lex.ANCHORS and set(rest) & lex.MY and rest[1:2] != ["the"]:
+                return 3.0 if stops < 2 else 2.0
+    return 0.0
