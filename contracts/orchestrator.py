@@ -38,7 +38,7 @@ class MissionSettings(Wire):
     choice: Literal["model", "centre"] = "model"
     viewpoint: ViewpointSettings = ViewpointSettings()
     safe_distances: SafeDistanceSettings = SafeDistanceSettings()
-    approach: ApproachSettings = ApproachSettings()
+    approach: ApproachSettings = ApproachSettings(stop_distance_m=1.5)
     flight: Flight = Flight()
     parser_model: Name | None = None
     vision_model: Name | None = None
@@ -114,7 +114,7 @@ class DeliveryList(Wire):
 
 class Event(Wire):
     """One line of a delivery's record, and one server-sent event. `number` counts from 1 without gaps; `kind` says
-    what `data` holds; `pictures` are file names in the delivery's folder."""
+    what `data` holds; `pictures` are file names in the record's `pictures` folder."""
 
     number: int
     time_s: float
