@@ -22,9 +22,13 @@ from services.sim.geometry.solids import cylinder, ellipsoid, lathe, rod, tube
     "pot of flowers",
     "potted flowers",
     "pot plant",
+    "pot with flowers",
+    "pot of plants",
+    "house plant",
+    "plant",
     colours=(*BRIGHT, "brown"),
     places=STANDING,
-    size_m=(0.52, 0.51, 0.62),
+    size_m=(0.56, 0.55, 0.67),
 )
 def flower_pot(look: Look) -> Mesh:
     pot = lathe(
@@ -45,7 +49,7 @@ def flower_pot(look: Look) -> Mesh:
         )
         if i % 2 == 0:
             parts.append(ellipsoid((0.055, 0.055, 0.045), (tip[0], tip[1], tip[2] + 0.03), 6, 4, petal))
-    return concatenate([*parts, ellipsoid(0.06, (0.02, 0, 0.56), 6, 4, petal)])
+    return concatenate([*parts, ellipsoid(0.06, (0.02, 0, 0.56), 6, 4, petal)]).transformed(scale=1.08)
 
 
 @catalogued(
@@ -133,7 +137,7 @@ def crate(look: Look) -> Mesh:
     "cask",
     "rain barrel",
     "wooden barrel",
-    "drum barrel",
+    "oil barrel",
     colours=("brown", "red", "blue", "green", "black", "white"),
     places=BIG,
     size_m=(0.79, 0.72, 0.95),
@@ -280,10 +284,12 @@ def suitcase(look: Look) -> Mesh:
 @catalogued(
     "containers",
     "gift box",
-    "present",
-    "wrapped present",
-    "gift",
-    "parcel with a bow",
+    "giftbox",
+    "present box",
+    "gift package",
+    "wrapped box",
+    "box with a bow",
+    "box with a ribbon",
     colours=BRIGHT,
     places=STANDING,
     size_m=(0.51, 0.51, 0.65),

@@ -22,7 +22,7 @@ from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, ro
     "squash",
     colours=("orange", "white", "green", "yellow"),
     places=STANDING,
-    size_m=(0.55, 0.54, 0.54),
+    size_m=(0.66, 0.65, 0.64),
 )
 def pumpkin(look: Look) -> Mesh:
     body = fluted(ellipsoid((0.27, 0.27, 0.2), (0, 0, 0.2), 32, 6, look.main), 8, 0.1, look.dark)
@@ -53,7 +53,9 @@ def pumpkin(look: Look) -> Mesh:
         ]
     )
     strips = [grin.intersection(box(-0.18 + 0.06 * i, 0, -0.12 + 0.06 * i, 0.3)) for i in range(6)]
-    return concatenate([body, stem, *[_laid_on(mark(s, 0.0, ink)) for s in (*eyes, nose, *strips)]])
+    return concatenate([body, stem, *[_laid_on(mark(s, 0.0, ink)) for s in (*eyes, nose, *strips)]]).transformed(
+        scale=1.2
+    )
 
 
 def _laid_on(flat: Mesh) -> Mesh:
@@ -125,7 +127,7 @@ def bananas(look: Look) -> Mesh:
     "tiered cake",
     colours=("pink", "white", "brown", "blue", "purple", "yellow", "green"),
     places=SMALL,
-    size_m=(0.6, 0.6, 0.58),
+    size_m=(0.67, 0.67, 0.65),
 )
 def cake(look: Look) -> Mesh:
     icing = look.other("#fffaf0", "#f06aa2", "white", "yellow")
@@ -147,7 +149,7 @@ def cake(look: Look) -> Mesh:
         ellipsoid(0.036, (0.215 * cos(a), 0.215 * sin(a), 0.265), 5, 3, "#c8102e")
         for a in np.arange(8) * pi / 4 + pi / 8
     ]
-    return concatenate(parts)
+    return concatenate(parts).transformed(scale=1.12)
 
 
 @catalogued(
@@ -157,7 +159,7 @@ def cake(look: Look) -> Mesh:
     "whole pineapple",
     colours=("yellow", "orange", "pink"),
     places=SMALL,
-    size_m=(0.35, 0.35, 0.72),
+    size_m=(0.39, 0.39, 0.81),
 )
 def pineapple(look: Look) -> Mesh:
     body = tinted(
@@ -181,7 +183,7 @@ def pineapple(look: Look) -> Mesh:
                     LEAF if layer % 2 else "#3f9440",
                 )
             )
-    return concatenate([body, *leaves])
+    return concatenate([body, *leaves]).transformed(scale=1.12)
 
 
 @catalogued(

@@ -100,7 +100,7 @@ def lamp(look: Look) -> Mesh:
     "bedside clock",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "pink", "black"),
     places=SMALL,
-    size_m=(0.2, 0.49, 0.64),
+    size_m=(0.22, 0.55, 0.72),
 )
 def alarm_clock(look: Look) -> Mesh:
     parts = [
@@ -121,7 +121,7 @@ def alarm_clock(look: Look) -> Mesh:
         )
         parts.append(rod((0, s * 0.12, 0.1), (0, s * 0.2, 0), 0.03, 6, look.dark))
     parts += [rod((0, 0, 0.5), (0, 0, 0.58), 0.012, 5, look.metal), ellipsoid(0.035, (0, 0, 0.59), 6, 4, look.metal)]
-    return concatenate(parts)
+    return concatenate(parts).transformed(scale=1.12)
 
 
 @catalogued(
@@ -198,7 +198,7 @@ def fan(look: Look) -> Mesh:
     "boombox",
     "portable radio",
     "stereo",
-    "ghetto blaster",
+    "cassette player",
     colours=("red", "blue", "yellow", "pink", "black", "white", "green"),
     places=SMALL,
     size_m=(0.22, 0.7, 0.68),
@@ -228,7 +228,8 @@ def radio(look: Look) -> Mesh:
     "T-shirt",
     "tee shirt",
     "shirt",
-    "shirt on a hanger",
+    "tshirt",
+    "t shirt",
     colours=(*BRIGHT, "black"),
     places=HANGING,
     size_m=(0.04, 0.93, 0.89),

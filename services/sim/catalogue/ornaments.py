@@ -47,7 +47,8 @@ def garden_gnome(look: Look) -> Mesh:
     "ornaments",
     "flag",
     "banner",
-    "flag on a pole",
+    "flag pole",
+    "flagpole",
     "pennant",
     colours=("red", "orange", "green", "blue", "purple", "yellow", "white", "black"),
     places=BIG,
@@ -185,7 +186,7 @@ def flamingo(look: Look) -> Mesh:
     "fly agaric",
     colours=("red", "brown", "orange", "blue", "purple", "pink"),
     places=STANDING,
-    size_m=(0.64, 0.62, 0.58),
+    size_m=(0.72, 0.7, 0.65),
 )
 def toadstool(look: Look) -> Mesh:
     stalk = lathe([(0, 0), (0.14, 0), (0.1, 0.1), (0.085, 0.3)], 10, CREAM, smooth=True)
@@ -199,4 +200,6 @@ def toadstool(look: Look) -> Mesh:
             r, z = 0.305 * cos(lift), 0.265 + 0.3 * sin(lift)
             spot = ellipsoid((0.014, 0.05, 0.05), (0, 0, 0), 6, 3, "#ffffff").transformed(pitch=-lift * 0.9)
             spots.append(spot.transformed(yaw=a, move=(r * cos(a), r * sin(a), z)))
-    return concatenate([stalk, gills, cap, *spots, lathe([(0.1, 0.17), (0.13, 0.15), (0.09, 0.2)], 10, "#f7efdc")])
+    return concatenate(
+        [stalk, gills, cap, *spots, lathe([(0.1, 0.17), (0.13, 0.15), (0.09, 0.2)], 10, "#f7efdc")]
+    ).transformed(scale=1.12)

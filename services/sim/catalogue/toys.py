@@ -58,7 +58,7 @@ def teddy_bear(look: Look) -> Mesh:
     "toy duck",
     colours=("yellow", "pink", "blue", "green", "white", "red", "purple"),
     places=STANDING,
-    size_m=(0.54, 0.66, 0.58),
+    size_m=(0.6, 0.73, 0.65),
 )
 def rubber_duck(look: Look) -> Mesh:
     beak = look.other("#f5820d", "#f8c51c", "red", "pink")
@@ -77,7 +77,7 @@ def rubber_duck(look: Look) -> Mesh:
             ellipsoid((0.022, 0.03, 0.032), (0.02 + s * 0.148, 0.215, 0.47), 6, 3, "#101014"),
             ellipsoid((0.04, 0.15, 0.085), (s * 0.185, -0.06, 0.22), 8, 4, look.dark),
         ]
-    return concatenate(parts).transformed(yaw=-0.5)
+    return concatenate(parts).transformed(scale=1.12, yaw=-0.5)
 
 
 @catalogued(
@@ -120,7 +120,7 @@ def rocking_horse(look: Look) -> Mesh:
     "striped ball",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "pink"),
     places=STANDING,
-    size_m=(0.56, 0.55, 0.56),
+    size_m=(0.67, 0.66, 0.67),
 )
 def beach_ball(look: Look) -> Mesh:
     stripe = look.other("#fcfcfa", "#2a5fca", "yellow")
@@ -131,7 +131,7 @@ def beach_ball(look: Look) -> Mesh:
 
     ball = tinted(ellipsoid(0.28, (0, 0, 0), 18, 8, look.main), panel)
     cap = ellipsoid((0.075, 0.075, 0.02), (0, 0, 0.27), 8, 4, stripe)
-    return concatenate([ball, cap]).transformed(pitch=0.75, roll=-0.35)
+    return concatenate([ball, cap]).transformed(scale=1.2, pitch=0.75, roll=-0.35)
 
 
 @catalogued(
@@ -170,7 +170,7 @@ def kite(look: Look) -> Mesh:
     "toy robot",
     "robot",
     "tin robot",
-    "android",
+    "robot toy",
     colours=("red", "orange", "yellow", "green", "blue", "purple", "white", "black"),
     places=STANDING,
     size_m=(0.29, 0.58, 0.87),
