@@ -1,7 +1,10 @@
 """Settings in, a wired app out. The only place that chooses the real parts."""
 
+import hashlib
 from functools import partial
+from importlib.resources import files
 from pathlib import Path
+from typing import NamedTuple
 
 from fastapi import FastAPI
 
@@ -41,26 +44,36 @@ def build(settings: Settings) -> FastAPI:
     where = path or "GATEWAY_CONFIG"
     http = HttpMetrics()
     figures = GatewayMetrics(http.registry)
-    cache = _guarded_cache(settings, figures)  # first, because what is quick to find wrong should be told quickly
+    # keys and cache before models: what is quick to find wrong is told quickly
+    keys = {
+        alias: api_key(alias, model, settings, where)
+        for alias, model in config.models.items()
+        if isinstance(model, ChatModelConfig)
+    }
+    cache = _guarded_cache(settings, figures)
+    sim = Sim(sim_url, settings.text("ORACLE_SIM_TOKEN"))
     backends = {
-        alias: _backend(alias, model, settings, where, figures, sim_url) for alias, model in config.models.items()
+        alias: _backend(alias, model, keys.get(alias), figures, sim, where) for alias, model in config.models.items()
     }
     gateway = Gateway(backends, config.roles, cache, figures)
     return build_app(gateway, http, token=settings.text("GATEWAY_TOKEN"))
 
 
-def _backend(
-    alias: str, model: ModelConfig, settings: Settings, where: str, figures: GatewayMetrics, sim_url: str | None
-) -> Backend:
+class Sim(NamedTuple):
+    """Where the oracle asks."""
+
+    url: str | None
+    token: str | None
+
+
+def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMetrics, sim: Sim, where: str) -> Backend:
     if isinstance(model, ChatModelConfig):
-        retried = partial(figures.retried, alias)
         chat = chat_model(alias, model, where)
-        return ChatBackend(chat, Upstream(chat, api_key(alias, model, settings, where), retried))
+        return ChatBackend(chat, Upstream(chat, key, partial(figures.retried, alias)))
     if isinstance(model, EmbeddedModelConfig):
         return _embedded(alias, model)
     if isinstance(model, OracleModelConfig):
-        sim = ServiceClient("sim", sim_url or "", token=settings.text("ORACLE_SIM_TOKEN"))
-        return OracleBackend(sim, model)
+        return OracleBackend(ServiceClient("sim", sim.url or "", token=sim.token), model)
     return ScriptedBackend(load_script(Path(model.script)), name=alias, repeat=model.repeat)
 
 
@@ -70,8 +83,23 @@ def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
     from services.vlm_gateway.embedded import EmbeddedModel
 
     return EmbeddedBackend(
-        EmbeddedModel(), alias=alias, concurrency=model.concurrency, queue=model.queue, timeout_s=model.timeout_s
+        EmbeddedModel(),
+        revision=_embedded_revision(),
+        alias=alias,
+        concurrency=model.concurrency,
+        queue=model.queue,
+        timeout_s=model.timeout_s,
     )
+
+
+def _embedded_revision() -> str:
+    """A hash of the embedded model's code and data: whoever changes either is not answered out of an old cache."""
+    digest = hashlib.sha256()
+    for path in sorted(files("services.vlm_gateway.embedded").iterdir(), key=lambda path: path.name):
+        if path.name.endswith((".py", ".npz", ".json")):
+            data = path.read_bytes()
+            digest.update(f"{path.name}:{len(data)}:".encode() + data)
+    return digest.hexdigest()
 
 
 def _guarded_cache(settings: Settings, figures: GatewayMetrics) -> GuardedCache | None:

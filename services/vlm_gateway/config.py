@@ -192,7 +192,7 @@ def api_key(alias: str, config: ChatModelConfig, settings: Settings, where: str)
         value = settings.text(config.api_key_env)
         if not value:
             raise BadSetting(f"{where}: models.{alias}.api_key_env: {config.api_key_env} is not set")
-        return value
+        return _fit_for_a_header(value, f"{where}: models.{alias}.api_key_env: {config.api_key_env}")
     if config.api_key_file:
         try:
             value = Path(config.api_key_file).expanduser().read_text(encoding="utf-8").strip()
@@ -200,8 +200,14 @@ def api_key(alias: str, config: ChatModelConfig, settings: Settings, where: str)
             raise BadSetting(f"{where}: models.{alias}.api_key_file: {error.strerror}: {config.api_key_file}") from None
         if not value:
             raise BadSetting(f"{where}: models.{alias}.api_key_file: {config.api_key_file} is empty")
-        return value
+        return _fit_for_a_header(value, f"{where}: models.{alias}.api_key_file: {config.api_key_file}")
     return None
+
+
+def _fit_for_a_header(key: str, where: str) -> str:
+    if not key.isascii() or not key.isprintable() or " " in key:
+        raise BadSetting(f"{where} holds more than a key: spaces, line breaks or other characters no key has")
+    return key
 
 
 def _read(path: Path) -> _File:

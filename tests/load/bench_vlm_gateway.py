@@ -7,6 +7,7 @@ Closed loop at 1 and at 32 connections; requests/s, p50 and p99.
 
 import argparse
 import asyncio
+import itertools
 import json
 import multiprocessing
 import os
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -30,9 +31,10 @@ from rich.table import Table
 from contracts.geometry import VIEW_HEADINGS_DEG
 from contracts.images import JpegImage, encode_jpeg
 from contracts.vlm_gateway import FindObjectQuestion, FloorCountQuestion, View
-from tests.load.processes import free_port, service
+from tests.load.processes import Running, free_port, service
 
 CONNECTIONS = (1, 32)
+DIFFERENT = 40
 REPLY = {
     "id": "chatcmpl-1",
     "object": "chat.completion",
@@ -45,7 +47,8 @@ CHAT = {"model": "m", "messages": [{"role": "user", "content": "Say hello."}], "
 
 
 class Row(NamedTuple):
-    """One workload at one number of connections; times in milliseconds."""
+    """One workload at one number of connections; times in milliseconds. `cpu_ms` is the gateway's processor time a
+    request, which says more than requests/s on a busy machine."""
 
     name: str
     body_bytes: int
@@ -53,6 +56,7 @@ class Row(NamedTuple):
     requests_per_s: float
     p50_ms: float
     p99_ms: float
+    cpu_ms: float
     failed: int
 
 
@@ -64,38 +68,51 @@ def picture(side: int, noise: int, seed: int) -> JpegImage:
     return encode_jpeg(rgb)
 
 
-async def drive(url: str, path: str, body: bytes, connections: int, seconds: float) -> tuple[list[float], int, float]:
-    """Each connection asks again as soon as it is answered. Latencies in seconds, failures, wall time."""
+async def drive(
+    url: str, path: str, bodies: Sequence[bytes], connections: int, seconds: float
+) -> tuple[list[float], int, float]:
+    """Each connection asks again as soon as it is answered, the bodies in turn, so that questions under way at the
+    same time differ. Latencies in seconds, failures, wall time."""
     took: list[float] = []
     failed = 0
     headers = {"Content-Type": "application/json"}
     async with aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=connections), headers=headers) as session:
-        until = time.perf_counter() + seconds
+        until, turn = 0.0, itertools.cycle(bodies)
 
         async def one() -> None:
             nonlocal failed
             while time.perf_counter() < until:
                 started = time.perf_counter()
-                async with session.post(url + path, data=body) as response:
+                async with session.post(url + path, data=next(turn)) as response:
                     await response.read()
                     failed += response.status != 200
                 took.append(time.perf_counter() - started)
 
-        async with session.post(url + path, data=body) as response:  # the first fills the cache
-            await response.read()
+        for body in bodies:  # the first round fills the cache
+            async with session.post(url + path, data=body) as response:
+                await response.read()
         await asyncio.sleep(0.2)
+        until = time.perf_counter() + seconds
         started = time.perf_counter()
         await asyncio.gather(*(one() for _ in range(connections)))
         return took, failed, time.perf_counter() - started
 
 
-def measure(name: str, url: str, path: str, body: bytes, seconds: float) -> list[Row]:
+def measure(name: str, gateway: Running, path: str, bodies: Sequence[bytes], seconds: float) -> list[Row]:
     rows = []
     for connections in CONNECTIONS:
-        took, failed, wall_s = asyncio.run(drive(url, path, body, connections, seconds))
+        before_s = cpu_s(gateway)
+        took, failed, wall_s = asyncio.run(drive(gateway.url, path, bodies, connections, seconds))
+        cpu_ms = (cpu_s(gateway) - before_s) * 1000 / (len(took) + len(bodies))
         p50, p99 = np.percentile(took, [50, 99]) * 1000
-        rows.append(Row(name, len(body), connections, len(took) / wall_s, float(p50), float(p99), failed))
+        rows.append(Row(name, len(bodies[0]), connections, len(took) / wall_s, float(p50), float(p99), cpu_ms, failed))
     return rows
+
+
+def cpu_s(gateway: Running) -> float:
+    """Processor time that the gateway has used so far, in seconds."""
+    fields = Path(f"/proc/{gateway.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def serve_mock(ready: Connection) -> None:
@@ -143,9 +160,12 @@ def redis_server(folder: str) -> Iterator[str]:
 
 
 def run(seconds: float) -> list[Row]:
-    one = FloorCountQuestion(image=picture(640, 20, 0)).model_dump_json().encode()
-    views = tuple(View(heading_deg=h, image=picture(640, 20, i)) for i, h in enumerate(VIEW_HEADINGS_DEG))
-    five = FindObjectQuestion(object="green flower pot", views=views).model_dump_json().encode()
+    one = [FloorCountQuestion(image=picture(640, 8, n)).model_dump_json().encode() for n in range(DIFFERENT)]
+    views = tuple(View(heading_deg=h, image=picture(640, 8, i)) for i, h in enumerate(VIEW_HEADINGS_DEG))
+    five = [
+        FindObjectQuestion(object=f"green flower pot {n}", views=views).model_dump_json().encode()
+        for n in range(DIFFERENT)
+    ]
     cores = sorted(os.sched_getaffinity(0))
     rows: list[Row] = []
     with ExitStack() as stack:
@@ -163,11 +183,11 @@ def run(seconds: float) -> list[Row]:
         for store, settings in stores.items():
             environment = {"GATEWAY_CONFIG": str(config), **settings}
             with service("services.vlm_gateway", environment, core=cores[0]) as gateway:
-                rows += measure(f"floor-count, {store} hit", gateway.url, "/v1/floor-count", one, seconds)
-                rows += measure(f"find-object, {store} hit", gateway.url, "/v1/find-object", five, seconds)
+                rows += measure(f"floor-count, {store} hit", gateway, "/v1/floor-count", one, seconds)
+                rows += measure(f"find-object, {store} hit", gateway, "/v1/find-object", five, seconds)
                 if store == "sqlite":
                     chat = json.dumps(CHAT).encode()
-                    rows += measure("small chat, passed on", gateway.url, "/v1/chat/completions", chat, seconds)
+                    rows += measure("small chat, passed on", gateway, "/v1/chat/completions", [chat], seconds)
     return rows
 
 
@@ -181,11 +201,19 @@ def main() -> None:
         sys.stdout.write(json.dumps({"rows": [row._asdict() for row in rows]}) + "\n")
         return
     table = Table(
-        "workload", "body", "connections", "requests/s", "p50", "p99", "failed", title="vlm_gateway, one core"
+        "workload",
+        "body",
+        "connections",
+        "requests/s",
+        "p50",
+        "p99",
+        "CPU a request",
+        "failed",
+        title="vlm_gateway, one core",
     )
     for row in rows:
         size = f"{row.body_bytes / 1000:.0f} kB"
-        times = (f"{row.p50_ms:.2f} ms", f"{row.p99_ms:.2f} ms")
+        times = (f"{row.p50_ms:.2f} ms", f"{row.p99_ms:.2f} ms", f"{row.cpu_ms:.2f} ms")
         table.add_row(row.name, size, str(row.connections), f"{row.requests_per_s:.0f}", *times, str(row.failed))
     Console().print(table)
 

@@ -51,13 +51,17 @@ class PixelModel(Protocol):
 
 
 class EmbeddedBackend:
-    """`concurrency` threads; each question is one piece of work."""
+    """`concurrency` threads; each question is one piece of work. `revision` tells models of the same version apart in
+    the cache."""
 
     kind: Kind = "embedded"
     cacheable = True
 
-    def __init__(self, model: PixelModel, *, alias: str, concurrency: int, queue: int, timeout_s: float) -> None:
+    def __init__(
+        self, model: PixelModel, *, alias: str, concurrency: int, queue: int, timeout_s: float, revision: str = ""
+    ) -> None:
         self._model = model
+        self._revision = revision
         self._alias = alias
         self._timeout_s = timeout_s
         self._admission = Admission(alias, concurrency, queue)
@@ -69,7 +73,7 @@ class EmbeddedBackend:
 
     @property
     def fingerprint(self) -> dict[str, object]:
-        return {"version": self._model.version}
+        return {"version": self._model.version, "revision": self._revision}
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         return await self._run(partial(self._count_floors, ask))

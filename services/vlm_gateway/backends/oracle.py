@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from contracts.geometry import Heading, Point3, Pose
 from contracts.sim import Episode, Truth, TruthQuestion, TruthView
 from contracts.vlm_gateway import MarkedPoint, Match
-from service_kit.client import CallError, Refused, ServiceClient, Unreachable
+from service_kit.client import CallError, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import (
     Building,
@@ -113,9 +113,8 @@ class OracleBackend:
                 message = f"the simulator has no such episode, or its truth is switched off: {error.reason}"
                 raise BadQuestion(message, code="no_truth") from None
             raise ModelUnreachable(f"the simulator answers {error.status}: {error.reason}") from None
-        except Unreachable as error:
-            kind = ModelTimeout if "within" in error.message else ModelUnreachable
-            raise kind(f"the oracle's simulator: {error.message}") from None
+        except TimedOut as error:
+            raise ModelTimeout(f"the oracle's simulator: {error.message}") from None
         except CallError as error:
             raise ModelUnreachable(f"the oracle's simulator: {error.message}") from None
 

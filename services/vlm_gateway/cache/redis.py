@@ -3,7 +3,7 @@
 import asyncio
 import random
 
-from redis.asyncio import Redis
+from redis.asyncio import BlockingConnectionPool, Redis
 from redis.asyncio.retry import Retry
 from redis.backoff import NoBackoff
 from redis.exceptions import AuthenticationError, OutOfMemoryError, RedisError, ResponseError
@@ -12,6 +12,7 @@ from service_kit.settings import BadSetting, without_password
 from services.vlm_gateway.cache.port import CacheDown, CacheFull
 
 PREFIX = "vlm_gateway:1:"
+CONNECTIONS = 16
 
 
 class RedisCache:
@@ -25,13 +26,16 @@ class RedisCache:
         self._timeout_s = timeout_s
         self._place = without_password(url)
         try:
-            self._redis = Redis.from_url(
+            # few connections and a wait for a free one: a burst of requests must not become a burst of handshakes
+            pool = BlockingConnectionPool.from_url(
                 url,
+                max_connections=CONNECTIONS,
+                timeout=timeout_s,
                 socket_timeout=timeout_s,
                 socket_connect_timeout=timeout_s,
                 retry=Retry(NoBackoff(), 0),
-                max_connections=256,
             )
+            self._redis = Redis.from_pool(pool)
         except ValueError as error:
             raise BadSetting(f"REDIS_URL={self._place}: {error}; give redis://host:6379/0") from None
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -93,6 +94,9 @@ def test_a_missing_key_stops_the_start(tmp_path: Path) -> None:
     environment = {"GATEWAY_CONFIG": str(path), "CACHE_MODE": "off"}
     with pytest.raises(BadSetting, match=r"models\.m\.api_key_env: MY_KEY is not set"):
         build(Settings(environment))
+    with pytest.raises(BadSetting, match="MY_KEY holds more than a key") as raised:
+        build(Settings(environment | {"MY_KEY": "sk-1\nX-Evil: 1"}))
+    assert "sk-1" not in str(raised.value)
     path = write(tmp_path, CHAT + 'server = "vllm"\napi_key_file = "/no/such/file"')
     with pytest.raises(BadSetting, match=r"models\.m\.api_key_file: No such file"):
         build(Settings(environment))
@@ -123,3 +127,9 @@ def test_the_process_says_why_it_does_not_start_in_one_line(tmp_path: Path) -> N
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
     assert "roles.floors: no model 'qwen'" in done.stderr
+
+
+def test_the_example_that_ships_is_right() -> None:
+    config = load_config(Path(str(files("services.vlm_gateway.presets") / "example.toml")), oracle_allowed=False)
+    assert config.roles["parser"] == "deepseek-r1"
+    assert len(config.models) == 6
