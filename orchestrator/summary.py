@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -39,8 +39,11 @@ def draw_summary(folder: Path) -> Path:
     height = HEAD + 52 + PANEL + MARGIN + PLAN + MARGIN
     canvas: Canvas = np.full((height, WIDTH, 3), PAPER, np.uint8)
     _head(canvas, delivery, delivery.result)
-    for at, (title, picture) in enumerate(_panels(events)):
-        _panel(canvas, MARGIN + at * (PANEL + MARGIN), HEAD, f"{at + 1}  {title}", _read(folder, picture))
+    for at, panel in enumerate(_panels(events)):
+        picture = _read(folder, panel.picture)
+        if picture is not None and panel.middle is not None:
+            picture = _closer(picture, panel.middle)
+        _panel(canvas, MARGIN + at * (PANEL + MARGIN), HEAD, f"{at + 1}  {panel.title}", picture)
     top = HEAD + 52 + PANEL + MARGIN
     _plan(canvas[top : top + PLAN, MARGIN : MARGIN + 2 * PANEL + MARGIN], events)
     _facts(canvas, 2 * (PANEL + MARGIN) + MARGIN, top, delivery.result, events)
@@ -52,18 +55,38 @@ def draw_summary(folder: Path) -> Path:
     return path
 
 
-def _panels(events: Sequence[Event]) -> list[tuple[str, str | None]]:
+class Panel(NamedTuple):
+    """One picture of the row; `middle` is where to look closer, 0..1 of the width and height."""
+
+    title: str
+    picture: str | None
+    middle: tuple[float, float] | None = None
+
+
+def _panels(events: Sequence[Event]) -> list[Panel]:
     counts = [e for e in events if e.kind == "floor_count"]
     looks = [e for e in events if e.kind == "look"]
     seen = [e for e in looks if e.phase == "explore" and any(s["accepted"] for s in e.data["sightings"])]
     counted = f"{counts[-1].data['floors_new']} floors counted" if counts else "no floor counted"
-    last = looks[-1] if looks else None
+    third = Panel("The last marked choice", _named(events, "marked"))
+    if seen:
+        box = next(s["box"] for s in seen[-1].data["sightings"] if s["accepted"])
+        middle = ((box["x_min"] + box["x_max"]) / 2, (box["y_min"] + box["y_max"]) / 2)
+        third = Panel("The sighting, closer", _named(seen[-1:], "sighting"), middle)
     return [
-        ("At the foot of the building", _view(e for e in events if e.kind == "stand_off")),
-        (f"Floor count: {counted}", _view(reversed(counts))),
-        ("The sighting" if seen else "Last marked choice", _named(seen[-1:], "sighting") or _last(events, "marked")),
-        ("Where it ended" if seen else "The last look", _view([last] if last else [])),
+        Panel("At the foot of the building", _view(e for e in events if e.kind == "stand_off")),
+        Panel(f"Floor count: {counted}", _view(reversed(counts))),
+        third,
+        Panel("Where it ended" if seen else "The last look", _view(looks[-1:])),
     ]
+
+
+def _closer(picture: Canvas, middle: tuple[float, float]) -> Canvas:
+    """The half of the picture, each way, about a place."""
+    height, width = picture.shape[:2]
+    left = min(max(round(middle[0] * width) - width // 4, 0), width - width // 2)
+    top = min(max(round(middle[1] * height) - height // 4, 0), height - height // 2)
+    return picture[top : top + height // 2, left : left + width // 2]
 
 
 def _view(events: Iterable[Event]) -> str | None:
@@ -72,10 +95,6 @@ def _view(events: Iterable[Event]) -> str | None:
 
 def _named(events: Sequence[Event], short: str) -> str | None:
     return next((name for e in reversed(events) for name in e.pictures if name.endswith(f"_{short}.jpg")), None)
-
-
-def _last(events: Sequence[Event], short: str) -> str | None:
-    return _named(events, short)
 
 
 def _read(folder: Path, name: str | None) -> Canvas | None:

@@ -1,5 +1,6 @@
 """The approach: along the way that depth shows to be free, in legs, each followed by another look."""
 
+import math
 from typing import NamedTuple
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion
@@ -55,7 +56,10 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
                 return Arrived(found.place)
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
             return Lost(found.place, f"leg {leg}: {why}", way.status == "blocked")
-        await sortie.fly(way.path, way.facing_yaw, f"leg {leg} of the approach")
+        end = way.path[-1] if way.path else sortie.flown.pose
+        # until the stop is reached, the front camera keeps the thing in sight
+        yaw = way.facing_yaw if way.reached else math.atan2(found.place.y - end.y, found.place.x - end.x)
+        await sortie.fly(way.path, yaw, f"leg {leg} of the approach")
         trail.append(sortie.flown.pose)
         look = await sortie.look()
         again = await exploration.search(look, f"after leg {leg}", near=found.place)
