@@ -4,34 +4,16 @@ Every world has a physics client of its own, so episodes can't see each other. E
 drone is a sphere that is put where a question is asked. Metres, ENU.
 """
 
-import contextlib
 import math
-import os
-import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+import pybullet
 
 from services.sim.geometry.scene_mesh import Solid
 from services.sim.kinematics import Vector
 
-
-@contextlib.contextmanager
-def _quiet_stdout() -> Iterator[None]:
-    """PyBullet prints its build time from C when it is imported, into whatever a program prints as its result."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    try:
-        os.dup2(2, 1)
-        yield
-    finally:
-        os.dup2(kept, 1)
-        os.close(kept)
-
-
-with _quiet_stdout():
-    import pybullet
 
 TOUCH_M = 0.002
 """Nearer than this is a contact."""

@@ -17,11 +17,13 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
 
+import pybullet
 from rich.console import Console
 from rich.table import Table
 
@@ -33,8 +35,8 @@ from contracts.sim import Episode, EpisodeQuestion, Observation
 from services.sim.bootstrap import build_scene
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.choice import choose_renderer
+from services.sim.render.tiny import TinyScene
 from services.sim.render.views import view_axes
-from services.sim.world import pybullet
 from tests.load.processes import service
 
 SAMPLE = Path(__file__).parents[2] / "orchestrator" / "samples" / "green-flower-pot.json"
@@ -70,8 +72,6 @@ class TinyLoop:
     """The baseline: one PyBullet client with the scene's triangles as bodies, and five calls a round."""
 
     def __init__(self, mesh: SceneMesh) -> None:
-        from services.sim.render.tiny import TinyScene
-
         self._scene = TinyScene(mesh)
 
     def __call__(self, pose: Pose) -> None:
@@ -152,7 +152,7 @@ def measure(scene: Scene, rounds: int, tick: Callable[[str], None]) -> Figures:
                 if name == "http":
                     answer = result
             if number:
-                seconds, seen = timed(lambda data=answer: _decoded(data))
+                seconds, seen = timed(partial(_decoded, answer))
                 took["decode"].append(seconds)
                 took["render"].append(seen.render_s)
                 took["encode"].append(seen.encode_s)
