@@ -14,7 +14,6 @@ import pybullet
 from services.sim.geometry.scene_mesh import Solid
 from services.sim.kinematics import Vector
 
-
 TOUCH_M = 0.002
 """Nearer than this is a contact."""
 REACH_M = 1.5
