@@ -50,7 +50,7 @@ class OracleBackend:
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         view = (await self._truth(_named(ask.episode), (FRONT,))).views[0]
-        rows = tuple(min(1.0, max(0.0, row)) for row in view.floor_rows)
+        rows = tuple(sorted(min(1.0, max(0.0, row)) for row in view.floor_rows))  # topmost first
         return Reply("answered", Floors(view.floors_visible, rows))
 
     async def find_building(self, ask: BuildingAsk) -> Reply[Building]:

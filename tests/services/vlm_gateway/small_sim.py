@@ -20,7 +20,7 @@ class SmallSim:
         self.goal = Point3(x=10, y=0, z=5)
         self.pose = Pose(x=0, y=0, z=5, yaw=math.pi / 2)
         self.objects: dict[int, list[VisibleObject]] = {}
-        self.floors = (3, (0.2, 0.5, 1.02))
+        self.floors = (3, (1.02, 0.5, 0.2))  # by floor, so from the lowest up, as the simulator gives them
         self.building: Box | None = BOX
         self.blocked = False
         self.candidates: tuple[Point3, ...] = ()

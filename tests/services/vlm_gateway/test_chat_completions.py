@@ -224,6 +224,13 @@ def test_a_stream_without_its_end_says_so_in_a_last_event(url: str, mock: OpenAi
     assert (last["error"]["code"], last["error"]["details"]["reason"]) == ("model_unreachable", "cut")
 
 
+def test_a_stream_that_dries_up_ends_with_a_timeout(url: str, mock: OpenAiMock) -> None:
+    mock.will(streams("one", "never", pause_s=30))
+    text = post(url, PATH, chat(stream=True)).text
+    assert words(text) == "one"
+    assert list(events(text))[-1]["error"]["code"] == "model_timeout"
+
+
 def test_a_stream_is_cached_whole_or_not_at_all(url: str, mock: OpenAiMock) -> None:
     mock.will(streams("one ", "two", done=False, cut=True), streams("one ", "two ", "three"), says("whole"))
     broken, first, second = (post(url, PATH, chat(stream=True, temperature=0)) for _ in range(3))
