@@ -2,8 +2,9 @@
 
 Starts the service as a process, sends one request after the other on one connection, prints p50/p95/p99 per route.
 The depth maps are those of a street: a facade with window reveals and balconies on the right, the ground, a house
-across the street, sky without returns. `--noise-m` adds sensor noise, which is what makes depth maps large. `cpu` is
-the service's own processor time per request, which other load on the machine changes less than the latencies.
+across the street, sky without returns. `--noise-m` adds noise, which is what makes depth maps large: its default
+brings the five to about 220 KB, as the simulator's are (110-550 KB). `cpu` is the service's own processor time per
+request, which other load on the machine changes less than the latencies.
 """
 
 import argparse
@@ -137,7 +138,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     parser.add_argument("--size", type=int, default=800, help="pixels each way")
-    parser.add_argument("--noise-m", type=float, default=0.0, help="standard deviation of sensor noise, metres")
+    parser.add_argument("--noise-m", type=float, default=0.00015, help="standard deviation of sensor noise, metres")
     parser.add_argument("--seconds", type=float, default=4.0, help="per route")
     parser.add_argument("--one-core", action="store_true", help="pin the service to one core")
     options = parser.parse_args()
