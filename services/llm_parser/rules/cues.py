@@ -17,7 +17,7 @@ _LOOK = words(
     "see spot find recognise recognize identify notice notices sees identifiable identified marked marks marker "
     "mark landmark reference seek spotting finding recognisable recognizable marking flagged distinguished beacon "
     "mentioned sign spots clue hint cue seeing locate locating follow visual identifier id indicator "
-    "distinguishable visible decorated adorned"
+    "distinguishable guarded visible decorated adorned"
 )
 _STAND = words("is are hangs stands sits hang stand sit lies hanging standing sitting lives stays")
 _STANDING = words("hangs stands sits hanging standing sitting hang stand stays dangles dangling")
@@ -64,9 +64,9 @@ def own_worth(tokens: list[Token], phrase: Phrase) -> float:
     elif own & lex.ATTRIBUTES:
         worth += 0.5
     if head in lex.PARCEL_NOUNS:
-        worth -= 4.0
-    if head in lex.SOFT_NOUNS:
-        worth -= 0.5
+        worth -= 4.0 if len(own) == 1 else 0.5
+    if head in lex.SOFT_NOUNS and phrase.last == phrase.head + 1:
+        worth -= 0.25
     proper = tokens[phrase.head].raw[:1].isupper() and not tokens[phrase.head].raw.isupper()
     inside = bool(phrase.lead) and tokens[phrase.lead - 1].is_word
     if len(own) == 1 and not phrase.determiner and inside and not known:
@@ -118,7 +118,8 @@ def _had(back: list[str]) -> float:
     """ "my window has a ...", "the one with a ...", "we've got a ..."."""
     first, second = back[0], back[1]
     if first not in _HAVE and not (first in ("up", "out") and second in _HAVE):
-        return 0.0
+        apart = set(back[1:5]) & words("have has got") and set(back[:4]) & lex.ANCHORS
+        return 3.0 if apart else 0.0
     hosts = set(back[1:5])
     if first in ("keep", "keeps", "kept", "holding") and not hosts & (_SELF | _PLACES):
         return 0.0
@@ -190,6 +191,8 @@ _BETWEEN = words("me us up off over to for please just you kindly out the my")
 def alone(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> float:
     """A phrase that is a clause by itself: "The bicycle wheel." or "5th floor, bicycle wheel, thanks"."""
     front, behind = phrase.lead - 1, phrase.last
+    if front > 0 and tokens[front].norm in ("and", "so", "then", "plus"):
+        front -= 1
     opens = front < 0 or tokens[front].kind in _BREAKS or front in taken
     closes = behind >= len(tokens) or tokens[behind].kind in _BREAKS or behind in taken
     substance = phrase.determiner or phrase.last - phrase.first > 1 or own_worth(tokens, phrase) > 0
@@ -216,7 +219,9 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     if first in _AT or first in _SET_UP:
         score += 3.5 if at_window else 2.5 if first == "outside" else 1.0 if near & _PLACES else 0.0
         score += 1.0 if first in ("hanging", "standing") else 0.0
-    elif first == "that" and second in ("you", "i", "we") and near & _WANTED:
+    elif (first == "to" and at_window and near & lex.MY) or (
+        first == "that" and second in ("you", "i", "we") and near & _WANTED
+    ):
         score += 2.5
     elif first in ("that", "which") and second not in ("i", "you", "he", "she", "they"):
         score += 3.0 if at_window else 2.0 if near & {"outside", "hangs", "stands", "sits"} else 0.0

@@ -78,12 +78,18 @@ VERBS = words(
     "swings sways lights glows appears sings"
 )
 NOUN_OR_VERB = words(
-    "bear plant saw watch stand ring swing float stick drill can light lights wave block guard drop set post rest "
-    "match fan play fly bar guide hand hold lock clip sink stamp top well press break catch skip pass stock like "
-    "past bit lead wreck fall hook bell nest trap pump mine square round still stool glow scale scales stop lift "
-    "love second"
+    "hard bear plant saw watch stand ring swing float stick drill can light lights wave block guard drop set post "
+    "rest match fan play fly bar guide hand hold lock clip sink stamp top well press break catch skip pass stock "
+    "like past bit lead wreck fall hook bell nest trap pump mine square round still stool glow scale scales stop "
+    "lift love second"
 )
 """Inside a noun phrase these are nouns ("teddy bear", "hand saw"), elsewhere they are not."""
+
+GENERIC_OWNERS = words(
+    "witch knight child kid pirate baby bird cat dog doll cowboy clown santa king queen wizard fireman firefighter "
+    "sailor chef men women children ladies artist painter soldier viking builder miner fisherman valentine st"
+)
+"""In front of "'s" these say what kind of thing it is ("a witch's broom"), not whose it is."""
 
 EVALUATIVE = words(
     "lovely ugly silly ridiculous beautiful precious famous nice pretty trusty beloved faithful favourite favorite "
@@ -104,7 +110,7 @@ ADVERBS = words(
     "erm hmm mm eh sorry wow omg asap rn tho pretty rather enough too hence thus therefore otherwise clearly "
     "visible obvious facing upstairs downstairs indoors outdoors there here everywhere somewhere anywhere nowhere "
     "else first second third lastly finally firstly secondly overhead sideways upright alone correct wrong sure "
-    "true false fine hard easy careful carefully quick fast slow slowly quickly nice good great bad happy glad able "
+    "true false fine easy careful carefully quick fast slow slowly quickly nice good great bad happy glad able "
     "ready available vacant due outstanding impossible unmissable unmistakable nowadays anymore likewise same "
     "different actually basically literally honestly obviously seriously currently previously formerly originally "
     "recently permanently temporarily definitely certainly probably possibly simply directly immediately gently "
@@ -159,23 +165,24 @@ NON_OBJECTS = (
     | FLOOR_NOUNS
     | PARCEL_NOUNS
     | words(
-        "lesson record criminal kingdom train bus flight plane taxi ride client hamster pigeon building buildings "
-        "block blocks tower towers street road lane avenue lift lifts elevator elevators stairs staircase stairwell "
-        "entrance lobby corridor hallway desk reception buzzer doorbell intercom code gate gates parking city town "
-        "country village world weather rain snow sun wind storm drone drones machine machines operator pilot "
-        "courier driver customer customers service app message text call email phone telephone number numbers name "
-        "names address rent price money pounds dollars bucks euros invoice reference contact instructions "
-        "instruction directions direction note notes favour favor problem trouble matter nuisance mistake confusion "
-        "question answer idea fact reason reasons way ways part lot bit kind sort type colour color colours size "
-        "case word words story version habit luck view views side sides left right top bottom middle centre center "
-        "front rear end corner corners edge height eye eyes hand hands head face heart hurry rush emergency fun "
-        "joke life death love thanks regards patience care help delay work job meeting school university college "
-        "hospital kitchen bedroom bathroom living-room facade wall walls roof air sky ground basement penthouse "
-        "total maximum minimum maintenance attention attn recipient sender subject department party eyesore nose "
-        "spectacle disgrace tragedy masterpiece thank bless anyone knocking ring ringing wheelchair knee ankle leg "
-        "back typos typo screen scren keyboard form forms button buttons panel look truth one ones other others "
-        "latter former rest none lots plenty dozen pair tops news earth god goodness heaven sake mission applause "
-        "hello goodbye cheers noon meter battery signal yes mom's bell hint clue tip"
+        "congratulations english details noise lair twins visual identifier indicator crisis civilization card "
+        "façade facade unsorry lesson record criminal kingdom train bus flight plane taxi ride client hamster "
+        "pigeon building buildings block blocks tower towers street road lane avenue lift lifts elevator elevators "
+        "stairs staircase stairwell entrance lobby corridor hallway desk reception buzzer doorbell intercom code "
+        "gate gates parking city town country village world weather rain snow sun wind storm drone drones machine "
+        "machines operator pilot courier driver customer customers service app message text call email phone "
+        "telephone number numbers name names address rent price money pounds dollars bucks euros invoice reference "
+        "contact instructions instruction directions direction note notes favour favor problem trouble matter "
+        "nuisance mistake confusion question answer idea fact reason reasons way ways part lot bit kind sort type "
+        "colour color colours size case word words story version habit luck view views side sides left right top "
+        "bottom middle centre center front rear end corner corners edge height eye eyes hand hands head face heart "
+        "hurry rush emergency fun joke life death love thanks regards patience care help delay work job meeting "
+        "school university college hospital kitchen bedroom bathroom living-room wall walls roof air sky ground "
+        "basement penthouse total maximum minimum maintenance attention attn recipient sender subject department "
+        "party eyesore nose spectacle disgrace tragedy masterpiece thank bless anyone knocking ring ringing "
+        "wheelchair knee ankle leg back typos typo screen scren keyboard form forms button buttons panel look truth "
+        "one ones other others latter former rest none lots plenty dozen pair tops news earth god goodness heaven "
+        "sake mission applause hello goodbye cheers noon meter battery signal yes mom's bell hint clue tip"
     )
 )
 """Nouns (and what is left of greetings) that name no mark at a window."""

@@ -5,11 +5,15 @@ from dataclasses import dataclass, replace
 
 from services.llm_parser.rules import cues, sayings, scope
 from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.phrases import Phrase
 from services.llm_parser.rules.tokens import Kind, Token
 
 THRESHOLD = 0.7
 """A phrase for which less speaks than this is not taken: a missing object is said, not guessed."""
+
+MOST_THINGS = 100
+"""So many things of a request are weighed; nobody's window needs more, and the work stays bounded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +39,9 @@ def choose_object(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
 
 def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -> list[ScoredPhrase]:
     """Every phrase that names a thing, with its score."""
-    things = [p for p in phrases if _names_thing(tokens, p)]
-    scored = [_score(tokens, things, i, taken) for i in range(len(things))]
+    things = [p for p in phrases if _names_thing(tokens, p)][:MOST_THINGS]
+    solid = [_is_solid(tokens, p) for p in things]
+    scored = [_score(tokens, things, solid, i, taken) for i in range(len(things))]
     wanted = _mine_is_the(tokens)
     if wanted is not None:
         marked = [i for i, s in enumerate(scored) if s.score > 2.0 or _in_one_other(tokens, s.phrase)]
@@ -44,6 +49,14 @@ def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
             chosen = marked[wanted if wanted < 0 else min(wanted, len(marked) - 1)]
             scored[chosen] = replace(scored[chosen], score=scored[chosen].score + 12.0)
     return scored
+
+
+_NO_COMPOUND = (
+    lex.FLOOR_NOUNS
+    | lex.ANCHORS
+    | lex.TIMES
+    | words("gate door lift elevator front back entry entrance security order apartment flat unit zip phone building")
+)
 
 
 def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
@@ -55,13 +68,13 @@ def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
     if head in lex.MEASURE_NOUNS and phrase.last > phrase.head + 1:
         return True
     compound = head in lex.SOFT_NOUNS and phrase.head > phrase.first
-    return compound and tokens[phrase.first].norm not in lex.FLOOR_NOUNS | lex.NON_OBJECTS
+    return compound and (head == "box" or tokens[phrase.first].norm not in _NO_COMPOUND)
 
 
-def _score(tokens: list[Token], things: list[Phrase], index: int, taken: Set[int]) -> ScoredPhrase:
+def _score(tokens: list[Token], things: list[Phrase], solid: list[bool], index: int, taken: Set[int]) -> ScoredPhrase:
     phrase = things[index]
-    earlier = [p for p in things[:index] if _is_solid(tokens, p)]
-    later = [p for p in things[index + 1 :] if _is_solid(tokens, p)]
+    earlier = [p for p, sure in zip(things[:index], solid, strict=False) if sure]
+    later = [p for p, sure in zip(things[index + 1 :], solid[index + 1 :], strict=True) if sure]
     start = earlier[-1].last if earlier else 0
     if earlier and start == phrase.lead - 1 and tokens[start].norm == "is":
         start = earlier[-1].lead  # "my mark is a ...": the subject belongs to the context
@@ -74,7 +87,7 @@ def _score(tokens: list[Token], things: list[Phrase], index: int, taken: Set[int
     elif owner is scope.Owner.SOMEONE:
         doubt = 7.0
     elif owner is scope.Owner.MINE:
-        score += 1.0 if phrase.determiner in ("my", "our") else 0.5
+        score += 1.5 if phrase.determiner in ("my", "our") else 0.5
     if scope.negated(tokens, phrase.lead, start):
         score -= 10.0
     if scope.past(tokens, phrase.lead, was_within=1):

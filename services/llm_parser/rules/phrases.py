@@ -138,10 +138,11 @@ class _Chunker:
         end = self._run(at + 1, True)
         if end == at + 1:
             return None
-        generic = determiner in lex.ARTICLES and owner not in lex.PEOPLE and owner not in ("lady", "widow", "boss")
+        named = determiner in lex.ARTICLES and owner not in lex.PEOPLE and owner not in lex.KIN
+        generic = named or (owner in lex.GENERIC_OWNERS and at - 1 == first)
         start = first if generic else at + 1
         head = end - 1
-        return self._make(determiner if generic else "'s", lead, start, self._extend(end, head), head)
+        return self._make((determiner if generic else "'s"), lead, start, self._extend(end, head), head)
 
     def _is_count(self, at: int) -> bool:
         token = self._tokens[at] if at < self._size and at not in self._taken else None
@@ -185,7 +186,8 @@ class _Chunker:
         if word in lex.NOUN_OR_VERB:
             return in_phrase and self._ambiguous_is_noun(at, word, has_noun)
         if word in lex.CLOSED:
-            modifies = word.endswith(("ing", "ed")) and in_phrase and not has_noun
+            announced = in_phrase or self._norm(at - 1) in ("with", "near", "beside", "has", "have", "of")
+            modifies = word.endswith(("ing", "ed")) and announced and not has_noun
             return modifies and self._is_plain(at + 1)
         if word.endswith("ly") and word not in lex.LY_WORDS:
             return False
@@ -203,6 +205,8 @@ class _Chunker:
             return container and following not in ("be", "not", "you", "see")
         if word in ("past", "second", "like", "well", "still"):
             return word == "well" and before == "wishing"
+        if word not in _MAINLY_VERBS:
+            return True
         if not has_noun:
             return following not in ("the", "a", "my", "me", "you", "it")
         return following not in lex.ARTICLES and following not in ("my", "our", "me", "you", "it")
@@ -241,7 +245,7 @@ class _Chunker:
                 end = end if end - at <= 3 and self._norm(end - 1) not in lex.KIN else at
             else:
                 return at
-            barred = _PLACES_AND_PEOPLE if link == "of" else lex.NON_OBJECTS
+            barred = _PLACES_AND_PEOPLE if link == "of" else lex.NON_OBJECTS - lex.SOFT_NOUNS
             if end <= at + 1 or self._norm(end - 1) in barred:
                 return at
             at = end
@@ -257,6 +261,9 @@ class _Chunker:
 
 _PLACES_AND_PEOPLE = (
     lex.PEOPLE | lex.ANCHORS | lex.FLOOR_NOUNS | words("building block tower house street side floor mine ours room")
+)
+_MAINLY_VERBS = words(
+    "saw watch drop hold play break skip catch pass love lift press guard rest guide hand stop lead fall"
 )
 _COMMANDS = words("drop ring press hold stop skip watch catch top pass past can")
 _NEVER_FIRST = frozenset(

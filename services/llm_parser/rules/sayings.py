@@ -6,6 +6,7 @@ from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.tokens import Kind, Token
 
 _DENIALS = (
+    "is inside",
     "not mine",
     "not ours",
     "not us",

@@ -75,7 +75,8 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.UNSAID
     if word in lex.KIN and at + 1 < mention and following in _KIN_HAS and before != "the":
         return Owner.SOMEONE
-    if (word in ("he", "she", "they") and following in _PRONOUN_HAS) or word in ("his", "her", "their"):
+    got = following in ("is", "'s") and at + 2 < len(tokens) and tokens[at + 2].norm == "got"
+    if (word in ("he", "she", "they") and (got or following in _PRONOUN_HAS)) or word in ("his", "her", "their"):
         return Owner.SOMEONE
     if word in _SOMEBODY and (following in _PRONOUN_HAS or following in ("else", "'s", "with", "on", "in")):
         return Owner.NEIGHBOUR if following in ("else", "with") else Owner.SOMEONE
@@ -119,7 +120,8 @@ def negated(tokens: list[Token], at: int, floor: int = 0) -> bool:
             if word in (",", ";", "-", ":", "(", ")"):
                 return False
             continue
-        if word == "but":
+        following = tokens[back + 1].norm
+        if word == "but" or (word in ("it", "that") and following in ("is", "'s") and back + 2 <= at):
             return False
         if word in ("not", "isn't", "don't", "no") and direct:
             return word != "no" or tokens[at - 1].norm == "no"

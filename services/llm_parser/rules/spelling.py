@@ -8,7 +8,7 @@ import re
 from functools import lru_cache
 
 from rapidfuzz import process
-from rapidfuzz.distance import OSA
+from rapidfuzz.distance import OSA, Indel
 
 from services.llm_parser.rules.lexicon import (
     ADVERBS,
@@ -102,10 +102,10 @@ _LONG_TARGETS = sorted(
         | words(
             "window windows windowsill balcony sill ledge outside inside beside behind between near next with there "
             "their where which that this these from the look looking find spot have having please because should "
-            "would could leave deliver delivery bring parcel package building neighbour neighbours neighbor "
-            "neighbors again apartment hanging standing sitting thanks thank and your under above below opposite "
-            "against instead wrong before after already something someone number about don't through right front "
-            "door doors waiting knock mine careful always still just only also want need what when will help "
+            "would could leave deliver delivery bring parcel package building elevator morning neighbour neighbours "
+            "neighbor neighbors again apartment hanging standing sitting thanks thank and your under above below "
+            "opposite against instead wrong before after already something someone number about don't through right "
+            "front door doors waiting knock mine careful always still just only also want need what when will help "
             "visible really very terrace railing glass marked placed though"
         )
         | CARDINALS.keys()
@@ -115,39 +115,43 @@ _LONG_TARGETS = sorted(
 )
 
 _PROTECTED = words(
-    "flour flood flow flows flowed flower lever width wish fish form forms widow willow winnow story tree trees "
-    "bridal doll dolls moor poor wind wine wing wings mind mint mill hill bill ball bell belt boot boots book books "
-    "boat goat coat moth cloth lamb limp lemon level bevel weather leather feather heather father thing think thin "
-    "tin ten stall still shelf self seal seat heat meat neat nest vest text tent teapot stripe string strong spring "
-    "pine pint line wire wide side bride slide glide fir fur four five fire hire tire mice nine vine lime hare hair "
-    "heir chair stair lair where there these those three thread theme then them than that hat what chat plaster "
-    "poster pasta paste tower shower power flowers floral float flock block clock cloak crock rack back sack jack "
-    "wick stick brick trick sock rock lock dock duck luck truck track lion iron sign sigh light night knight might "
-    "tights lights stand sand band hand land wand blind bland gnome genome dome comb tomb lamp lamps clamp stamp "
-    "camp ramp damp dump lump pump spool stool spoon moon noon boom broom room root roof hoof loop hoop pool tool "
-    "globe glove gloves clover cover lover oven over river silver sliver slate plate plane planet plant plants ivy "
-    "jug mug rug bug bag tag flag flags frog fog dog log bog leg egg peg pig wig fig robin ribbon rabbit rubber "
-    "ladder leader header heater letter lettuce litter glitter magnet mango orange range carrot parrot pirate panda "
-    "pan pansy candy candle handle violin viola violet villa vanilla bundle saddle paddle puddle pebble marble "
-    "table cable wheat wheel whale while white watch witch which wicker winter winner water waiter barrow arrow "
-    "sparrow marrow mirror minor money honey monkey donkey key keys turkey statue status stable staple stack "
-    "sticker stocking store storm stork stone stove bike bikes hike like lake cake cape cap cup cut cat car card "
-    "cart care cane crane frame flame farm firm film fern ferns herb herbs hero heron bead beads bread break bear "
-    "bears beard bean beans pear pears pearl peach beach bench branch bunch lunch punch sail snail nail nails tail "
-    "pail mail hail rail trail tray pray gray spray shell shed shoe shoes show shop ship chip chips sheep sleep "
-    "blow glow slow snow crow crown brown drown drum drums plum plums witches widows windmill pillow pillows cotton "
-    "button butter batter hanger hanging hunting bunting painting printing pointing needle noodle poodle nettle "
-    "kettle cattle bottle battle rattle sill silk milk mask desk disk dish dishes brush bush tractor doctor factor "
-    "actor rocket racket jacket basket bracket bucket pocket packet locket ticket thistle whistle thimble tassel "
-    "vessel easel weasel fridge bridge fringe hinge sponge lounge lantern lanterns pattern western eastern northern "
-    "southern external internal place plaice palace police peace piece price prize pride wander under sunder "
-    "thunder number lumber timber amber ember member fort font foot food good wood hood mood fool wool horn corn "
-    "thorn torn born acorn popcorn unicorn mouse house horse nurse purse rose nose hose pose knot know knife kite "
-    "kit kitten mitten mittens written thick though through trough rough tough dough bought brought behold begin "
-    "begun bonsai onside decide reside residence soap soup swan swans swam spot pots port sport shirt skirt short "
-    "shorts sweets sweater netting fitting sitting knitting fleece fox box ox six sax wax fax nets news newt note "
-    "nuts hot hut hit hats huts net met mat mats jet wet wed web bed beds bud buds bad lad led lid lip lap map mop "
-    "top tap tip zip rip sun gun bun run fun nun pun son ton won bus bow row tow cow owl bowl towel trowel vowel"
+    "donut donuts placard placards shield shields tank tanks bench wreath bread thread whisk tile tiles hood "
+    "lantern lanterns lattice knight height apron inlet flair throne thorn liver linen novel bevel waffle rooster "
+    "boaster coaster toaster stereo stork cornet bonnet behave lilac lotus loom floss flask flake flock finch "
+    "hearth sleigh sloth lasso hanger wander window willow wallow walnut widget pantry cello celery grass brass "
+    "brief spike spine spire snipe sting sling flour flood flow flows flowed flower lever width wish fish form "
+    "forms widow winnow story tree trees bridal doll dolls moor poor wind wine wing wings mind mint mill hill bill "
+    "ball bell belt boot boots book books boat goat coat moth cloth lamb limp lemon level weather leather feather "
+    "heather father thing think thin tin ten stall still shelf self seal seat heat meat neat nest vest text tent "
+    "teapot stripe string strong spring pine pint line wire wide side bride slide glide fir fur four five fire hire "
+    "tire mice nine vine lime hare hair heir chair stair lair where there these those three theme then them than "
+    "that hat what chat plaster poster pasta paste tower shower power flowers floral float block clock cloak crock "
+    "rack back sack jack wick stick brick trick sock rock lock dock duck luck truck track lion iron sign sigh light "
+    "night might tights lights stand sand band hand land wand blind bland gnome genome dome comb tomb lamp lamps "
+    "clamp stamp camp ramp damp dump lump pump spool stool spoon moon noon boom broom room root roof hoof loop hoop "
+    "pool tool globe glove gloves clover cover lover oven over river silver sliver slate plate plane planet plant "
+    "plants ivy jug mug rug bug bag tag flag flags frog fog dog log bog leg egg peg pig wig fig robin ribbon rabbit "
+    "rubber ladder leader header heater letter lettuce litter glitter magnet mango orange range carrot parrot "
+    "pirate panda pan pansy candy candle handle violin viola violet villa vanilla bundle saddle paddle puddle "
+    "pebble marble table cable wheat wheel whale while white watch witch which wicker winter winner water waiter "
+    "barrow arrow sparrow marrow mirror minor money honey monkey donkey key keys turkey statue status stable staple "
+    "stack sticker stocking store storm stone stove bike bikes hike like lake cake cape cap cup cut cat car card "
+    "cart care cane crane frame flame farm firm film fern ferns herb herbs hero heron bead beads break bear bears "
+    "beard bean beans pear pears pearl peach beach branch bunch lunch punch sail snail nail nails tail pail mail "
+    "hail rail trail tray pray gray spray shell shed shoe shoes show shop ship chip chips sheep sleep blow glow "
+    "slow snow crow crown brown drown drum drums plum plums witches widows windmill pillow pillows cotton button "
+    "butter batter hanging hunting bunting painting printing pointing needle noodle poodle nettle kettle cattle "
+    "bottle battle rattle sill silk milk mask desk disk dish dishes brush bush tractor doctor factor actor rocket "
+    "racket jacket basket bracket bucket pocket packet locket ticket thistle whistle thimble tassel vessel easel "
+    "weasel fridge bridge fringe hinge sponge lounge pattern western eastern northern southern external internal "
+    "place plaice palace police peace piece price prize pride under sunder thunder number lumber timber amber ember "
+    "member fort font foot food good wood mood fool wool horn corn torn born acorn popcorn unicorn mouse house "
+    "horse nurse purse rose nose hose pose knot know knife kite kit kitten mitten mittens written thick though "
+    "through trough rough tough dough bought brought behold begin begun bonsai onside decide reside residence soap "
+    "soup swan swans swam spot pots port sport shirt skirt short shorts sweets sweater netting fitting sitting "
+    "knitting fleece fox box ox six sax wax fax nets news newt note nuts hot hut hit hats huts net met mat mats jet "
+    "wet wed web bed beds bud buds bad lad led lid lip lap map mop top tap tip zip rip sun gun bun run fun nun pun "
+    "son ton won bus bow row tow cow owl bowl towel trowel vowel"
 )
 
 _KNOWN = (
@@ -187,10 +191,12 @@ def repair(word: str) -> tuple[str, bool]:
         return word, False
     cutoff = 1 if len(word) < 6 else 2
     found = process.extract(word, _LONG_TARGETS, scorer=OSA.distance, score_cutoff=cutoff, limit=4)
-    close = [(distance, target) for target, distance, _ in found if _same_start(word, target)]
+    close = [
+        (distance, Indel.distance(word, target), target) for target, distance, _ in found if _same_start(word, target)
+    ]
     if not close:
         return word, False
-    distance, target = min(close)
+    distance, _, target = min(close)
     if distance == 2 and (len(target) < 6 or not _same_ends(word, target)):
         return word, False
     return _ONE_SPELLING.get(target, target), True

@@ -43,16 +43,16 @@ class Token:
 
 _SCAN = re.compile(
     r"""
-    (?P<money>[£$€]\s?\d[\d.,]*\d|[£$€]\s?\d|\d[\d.,]*\s?(?:[£$€]|kg\b|km\b|cm\b|mm\b|ml\b|g\b|m\b|%))
+    (?P<money>[£$€]\s?\d[\d.,]{0,12}\d|[£$€]\s?\d|\d[\d.,]{0,12}\s?(?:[£$€]|kg\b|km\b|cm\b|mm\b|ml\b|g\b|m\b|%))
   | (?P<time>\d{1,2}[:.h]\d{2}(?:\s?[ap]\.?m\b\.?)?|\d{1,2}\s?[ap]\.?m\b\.?|\d{1,2}\s?o'?clock)
   | (?P<phone>\+\d[\d\s-]{5,}\d|\d{3,}[-\s]\d{3,}(?:[-\s]\d+)*|\d+(?:[-/]\d+){2,})
   | (?P<ordinal>\d{1,3}\s?(?:st|nd|rd|th)\b)
   | (?P<floorcode>\d{1,2}\s?/?F\b|\d{1,2}/?f\b|\b[FL]\d{1,2}\b)
-  | (?P<decimal>\d+[.,]\d[\d.,]*\d|\d+[.,]\d\b)
+  | (?P<decimal>\d{1,9}[.,]\d[\d.,]{0,12}\d|\d{1,9}[.,]\d\b)
   | (?P<code>\d+[A-Za-z]+\w*|[A-Za-z]+\d+\w*)
   | (?P<number>\d+)
   | (?P<with>\bw/o\b|\bw/)
-  | (?P<word>[^\W\d_]+(?:'[^\W\d_]+)*(?:-[^\W\d_]+(?:'[^\W\d_]+)*)*)
+  | (?P<word>[^\W\d_]+(?:'[^\W\d_]+)*(?:'?-[^\W\d_]+(?:'[^\W\d_]+)*)*)
   | (?P<stop>[.!?\n…]+)
   | (?P<symbol>[,:;=()\[\]"/|*~>→–—-])
   | (?P<sign>[@&\#+])
@@ -145,6 +145,9 @@ def tokenize(text: str) -> list[Token]:
         elif group == "with":
             tokens.append(Token(Kind.WORD, "without" if "o" in raw else "with", start, end, 0, sentence, raw))
         elif group in ("symbol", "other"):
+            tight = tokens and tokens[-1].end == start and plain[end : end + 1].isalpha()
+            if raw == "-" and tight and tokens[-1].kind in (Kind.ORDINAL, Kind.CARDINAL):
+                continue  # "7th-floor window", "28-storey tower"
             norm = "," if group == "other" else "-" if raw in "–—~" else raw
             tokens.append(Token(Kind.SYMBOL, norm, start, end, sentence=sentence))
         elif group == "sign":
@@ -218,7 +221,7 @@ def _add_word(tokens: list[Token], raw: str, start: int, sentence: int) -> None:
         return
     expanded = _EXPANSIONS.get(word)
     if expanded is None and "'" in word:
-        expanded = _apostrophe(word)
+        expanded = _apostrophe(word) if "'-" not in word else None
     if expanded is None:
         norm, repaired = spelling.repair(word)
         expanded = tuple(norm.split())
