@@ -21,8 +21,8 @@ from services.sim.kinematics import Vector
 from services.sim.truth import WayHome
 from services.sim.world import Blueprint, World
 
-MAX_WINDOWS = 30_000
-"""A scene of more windows than this would take minutes and gigabytes to build."""
+MAX_WINDOWS = 12_000
+"""A scene of more windows than this would take a minute and a gigabyte to build."""
 
 SceneBuilder = Callable[[Scene], SceneMesh]
 
@@ -57,8 +57,9 @@ def make_ready(scene: Scene, build: SceneBuilder) -> ReadyScene:
         raise BadQuestion(str(error), code="unknown_object") from None
     except ValueError as error:
         raise BadQuestion(f"the scene can't be built: {error}", code="bad_scene") from None
-    roof_m = max(float(solid.positions[:, 2].max()) for solid in mesh.solids) if mesh.solids else 0.0
-    blueprint = Blueprint(mesh.solids, scene.ground.half_size_m, roof_m)
+    solids = [solid for solid in mesh.solids if len(solid.faces)]
+    roof_m = max((float(solid.positions[:, 2].max()) for solid in solids), default=0.0)
+    blueprint = Blueprint(solids, scene.ground.half_size_m, roof_m)
     return ReadyScene(scene_key(scene), scene, mesh, blueprint, _things(scene, mesh))
 
 

@@ -27,8 +27,8 @@ def build_boxes(scene: Scene) -> SceneMesh:
         part = Part(len(parts) + 1, kind, name)
         parts.append(part)
         meshes.append(mesh)
-        if solid:
-            bumps.append(Solid(part.id, name, mesh.positions.astype(np.float64), mesh.faces.astype(np.int32)))
+        faces = mesh.faces if solid else mesh.faces[:0]  # a part may have nothing that one can bump into
+        bumps.append(Solid(part.id, name, mesh.positions[: mesh.vertex_count if solid else 0], faces.astype(np.int32)))
 
     half = scene.ground.half_size_m
     corners = [(-half, -half), (half, -half), (half, half), (-half, half)]

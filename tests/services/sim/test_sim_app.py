@@ -260,7 +260,7 @@ def test_a_scene_of_too_many_windows_is_refused_before_it_is_built(sim: Simulato
     document |= {"target": "b0", "objects": [], "goal": None}
     status, code, message = error(sim.http.post("/v1/episodes", json={"scene": document}))
     assert (status, code) == (422, "scene_too_large")
-    assert "30000" in message
+    assert "12000" in message
 
 
 def test_not_a_number_is_refused_in_a_move(sim: Simulator, yard: Scene) -> None:
