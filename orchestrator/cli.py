@@ -246,3 +246,7 @@ def _stop(message: str, code: int) -> NoReturn:
 def main() -> None:
     """The command line's entry point."""
     sys.exit(app())
+
+
+if __name__ == "__main__":
+    main()

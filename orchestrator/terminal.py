@@ -14,7 +14,7 @@ from rich.text import Text
 from contracts.orchestrator import DeliveryResult, Event
 
 PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
-LINES = 16
+MOST_LINES, FEWEST_LINES, OTHER_LINES = 16, 4, 18
 STYLES = {
     "parsed": "cyan",
     "floor_count": "cyan",
@@ -54,7 +54,8 @@ class LiveView:
 
     def __init__(self, console: Console, request: str, backend: str) -> None:
         self._request, self._backend = request, backend
-        self._events: deque[Event] = deque(maxlen=LINES)
+        self._events: deque[Event] = deque(maxlen=MOST_LINES)
+        self._console = console
         self._asked: dict[str, tuple[int, int, float]] = {}
         self._facts: dict[str, str] = {}
         self._reached: list[str] = []
@@ -100,7 +101,8 @@ class LiveView:
 
     def _picture(self) -> RenderableType:
         bar = Text()
-        now = self._reached[-1] if self._reached else ""
+        over = bool(self._events) and self._events[-1].kind == "result"
+        now = self._reached[-1] if self._reached and not over else ""
         for phase in PHASES:
             mark, style = ("▶ ", "bold yellow") if phase == now else ("✔ ", "green")
             if phase not in self._reached:
@@ -110,7 +112,8 @@ class LiveView:
         lines.add_column(justify="right", style="dim", no_wrap=True)
         lines.add_column(no_wrap=True, width=8)
         lines.add_column(overflow="fold")
-        for event in self._events:
+        room = max(FEWEST_LINES, self._console.size.height - OTHER_LINES)
+        for event in list(self._events)[-room:]:
             lines.add_row(f"{event.time_s:.1f} s", event.phase, Text(event.message, STYLES.get(event.kind, "")))
         if self._note:
             lines.add_row("", "", Text(self._note, "dim"))
