@@ -167,7 +167,7 @@ def grass(size: int) -> Picture:
 
 
 def paving(size: int) -> Picture:
-    return _bond(size, 6, 6, (0.025, 0.025), 0.92, 29)
+    return _bond(size, 6, 6, (0.045, 0.045), 0.90, 29)
 
 
 def asphalt(size: int) -> Picture:

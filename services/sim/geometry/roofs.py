@@ -1,6 +1,7 @@
 """Roofs of ordinary houses: flat with a parapet, gable and hip. Each gives what is drawn; it can all be bumped into."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contracts.scene import FacadeStyle
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
@@ -210,10 +211,7 @@ def _tent(plan: Plan, z: float, slope: float, style: FacadeStyle, colour: Colour
     eaves = grown(plan, EAVES_M)
     low, down = z - EAVES_M * slope, z - EAVES_M * slope + 0.16
     middle = plan.mean(axis=0)
-    nearest = min(
-        abs(float(np.cross(b - a, middle - a)) / float(np.linalg.norm(b - a)))
-        for a, b in zip(eaves, np.roll(eaves, -1, axis=0), strict=True)
-    )
+    nearest = min(_distance(middle, a, b) for a, b in zip(eaves, np.roll(eaves, -1, axis=0), strict=True))
     tip = np.array([*middle, down + nearest * slope])
     parts = [polygon(eaves, low, style.trim_colour, up=False).shaded(0.72)]
     parts += swept(eaves, [(0.0, low), (0.0, down)], style.trim_colour)
@@ -226,6 +224,12 @@ def _tent(plan: Plan, z: float, slope: float, style: FacadeStyle, colour: Colour
         parts.append(make(p, [(0, 1, 2)], np.tile(normal, (3, 1)), uv, colour, layer))
         parts.append(rod((*a, down), tip.tolist(), 0.09, 5).recoloured(mixed(colour, "#000000", 0.25)))
     return parts
+
+
+def _distance(p: NDArray[np.float64], a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """From a point to the line through a and b, (2,) each."""
+    (ux, uy), (vx, vy) = b - a, p - a
+    return float(abs(ux * vy - uy * vx) / np.hypot(ux, uy))
 
 
 def chimney(at: tuple[float, float], z0: float, z1: float, textures: TextureSet) -> Mesh:

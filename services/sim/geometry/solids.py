@@ -5,13 +5,13 @@ composite things with `mesh.concatenate`.
 """
 
 from collections.abc import Sequence
-from math import pi
+from math import dist, pi, sqrt
 
 import mapbox_earcut as earcut
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from services.sim.geometry.mesh import Colour, Mesh, concatenate, make
+from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, rgb
 
 Vector = Sequence[float]
 
@@ -23,17 +23,37 @@ _BOX_FACES = (  # normal, then the directions of u and v
     ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
     ((0, 0, -1), (1, 0, 0), (0, -1, 0)),
 )
+_QUAD = np.array([(0, 1, 2), (0, 2, 3)], np.uint32)
+_UNIT_UV = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float64)
+_BOX_NORMALS = np.array([n for n, _, _ in _BOX_FACES], np.float64)
+_BOX_SPANS = np.array([(u, v) for _, u, v in _BOX_FACES], np.float64)
+_BOX_CORNERS = np.array(
+    [
+        [np.array(n) + a * np.array(u) + b * np.array(v) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        for n, u, v in _BOX_FACES
+    ],
+    np.float64,
+)
 _SIDES = {"+x": 0, "-x": 1, "+y": 2, "-y": 3, "+z": 4, "-z": 5}
 
 
 def quad(corners: ArrayLike, colour: Colour = "#ffffff", layer: int = 0, uv: ArrayLike | None = None) -> Mesh:
     """Four corners counter-clockwise seen from the front, starting at the lower left; uv in metres by default."""
     p = np.asarray(corners, np.float64).reshape(4, 3)
-    normal = np.cross(p[2] - p[0], p[3] - p[1])
-    normal /= max(float(np.linalg.norm(normal)), 1e-12)
-    w, h = np.linalg.norm(p[1] - p[0]), np.linalg.norm(p[3] - p[0])
-    spread = np.array([(0, 0), (w, 0), (w, h), (0, h)]) if uv is None else uv
-    return make(p, [(0, 1, 2), (0, 2, 3)], np.tile(normal, (4, 1)), spread, colour, layer)
+    # plain numbers: a scene has thousands of these, and numpy is slow on three
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz) = p.tolist()
+    ux, uy, uz, vx, vy, vz = cx - ax, cy - ay, cz - az, dx - bx, dy - by, dz - bz
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = max(sqrt(nx * nx + ny * ny + nz * nz), 1e-12)
+    w, h = dist((ax, ay, az), (bx, by, bz)), dist((ax, ay, az), (dx, dy, dz))
+    return Mesh(
+        p.astype(np.float32),
+        np.array([(nx / length, ny / length, nz / length)] * 4, np.float32),
+        np.array([(0, 0), (w, 0), (w, h), (0, h)] if uv is None else uv, np.float32).reshape(4, 2),
+        np.array([rgb(colour)] * 4, np.uint8),
+        np.full(4, layer, np.uint16),
+        _QUAD.copy(),
+    )
 
 
 def box(
@@ -46,13 +66,12 @@ def box(
     """A box of `size` (x, y, z) about `centre`; sides named in `without` ("+x", "-z", ...) are left out."""
     half = np.asarray(size, np.float64) / 2
     skip = {_SIDES[s] for s in without}
-    sides = []
-    for i, (n, u, v) in enumerate(_BOX_FACES):
-        if i in skip:
-            continue
-        nv, uv, vv = (np.array(a, np.float64) * half for a in (n, u, v))
-        sides.append(quad(np.asarray(centre) + nv + np.array([-uv - vv, uv - vv, uv + vv, -uv + vv]), colour, layer))
-    return concatenate(sides)
+    kept = [i for i in range(6) if i not in skip]
+    positions = _BOX_CORNERS[kept] * half + np.asarray(centre, np.float64)
+    spans = 2 * np.abs(_BOX_SPANS[kept] @ half)
+    uv = _UNIT_UV[None] * spans[:, None, :]
+    faces = _QUAD[None] + (np.arange(len(kept), dtype=np.uint32) * 4)[:, None, None]
+    return make(positions, faces, np.repeat(_BOX_NORMALS[kept], 4, axis=0), uv, colour, layer)
 
 
 def standing_box(size: Vector, foot: Vector = (0.0, 0.0, 0.0), colour: Colour = "#ffffff", layer: int = 0) -> Mesh:

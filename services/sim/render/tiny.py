@@ -123,7 +123,9 @@ def _picture(
     light = uploaded.scene.light
     weather = WEATHER[light.sky]
     view = pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), (0, 0, 1))
-    lens = pybullet.computeProjectionMatrixFOV(90.0, 1.0, NEAR_M, FAR_M)
+    lens = list(pybullet.computeProjectionMatrixFOV(90.0, 1.0, NEAR_M, FAR_M))
+    # TinyRenderer samples a pixel at its lower left corner: move the picture half a pixel, so that centres are hit
+    lens[8] = lens[9] = 1 / size
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
         size,
         size,
