@@ -1,5 +1,6 @@
 """The contact sheet: every class of the catalogue as the renderer shows it, with its name and its colours."""
 
+from functools import cache
 from math import cos, pi, radians, sin
 from typing import NamedTuple
 
@@ -31,6 +32,7 @@ class Portrait(NamedTuple):
     seen: NDArray[np.bool_]
 
 
+@cache
 def catalogue_textures() -> TextureSet:
     """The layers of every scene, with the posters' pictures."""
     return base_textures().with_pictures(poster_layers())
@@ -57,7 +59,7 @@ def portrait(
     textures: TextureSet,
     size: int,
     distance_m: float | None = None,
-    azimuth_deg: float = 28.0,
+    azimuth_deg: float = 20.0,
     elevation_deg: float = 12.0,
 ) -> Portrait:
     """One object seen from its front, `azimuth_deg` to its left; without a distance, from three times its reach."""

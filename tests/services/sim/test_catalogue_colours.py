@@ -4,6 +4,7 @@ import colorsys
 from collections.abc import Iterator
 from math import pi
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -64,16 +65,13 @@ def shop_window(shown: list[tuple[CatalogueEntry, str]], columns: int, textures:
 
 def share_of(colour: str, pixels: NDArray[np.uint8]) -> float:
     """How many of the (N, 3) sRGB pixels one would call by that name, 0..1."""
-    values = pixels.astype(np.float64) / 255
-    top, bottom = values.max(axis=1), values.min(axis=1)
-    saturation = (top - bottom) / np.maximum(top, 1e-6)
+    hue, saturation, top = cv2.cvtColor(pixels[None].astype(np.float32) / 255, cv2.COLOR_RGB2HSV)[0].T
     if colour == "white":
         return float(((saturation < 0.25) & (top > 0.5)).mean())
     if colour == "black":
         return float((top < 0.32).mean())
-    hue = np.array([colorsys.rgb_to_hsv(*pixel)[0] for pixel in values])
     wanted = colorsys.rgb_to_hsv(*(rgb(COLOURS[colour]) / 255).tolist())
-    off = np.abs((hue - wanted[0] + 0.5) % 1 - 0.5)
+    off = np.abs((hue / 360 - wanted[0] + 0.5) % 1 - 0.5)
     near = (off < 0.045) & (saturation > 0.5 * wanted[1])
     if colour in ("brown", "orange"):  # one hue: brown is dull and dark, orange stays vivid even in the shade
         near &= ((saturation < 0.74) & (top < 0.75)) == (colour == "brown")
