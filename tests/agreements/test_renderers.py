@@ -1,0 +1,162 @@
+"""What every renderer must do alike: the camera, the depth, the ids. Run over OpenGL and over TinyRenderer."""
+
+from collections.abc import Iterator
+from math import cos, pi, radians, sin
+
+import numpy as np
+import pytest
+
+from contracts.geometry import Pose
+from contracts.scene import Light
+from services.sim.geometry.mesh import Mesh, concatenate
+from services.sim.geometry.parts import Assembly
+from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.geometry.solids import box, ellipsoid, quad
+from services.sim.geometry.textures import base_textures
+from services.sim.render.gl import GlRenderer
+from services.sim.render.tiny import TinyRenderer
+from services.sim.render.views import RenderedViews, Renderer, project
+
+HEADINGS = (-90, -45, 0, 45, 90)
+SIZE = 160
+UNIT_M = 0.002
+
+
+@pytest.fixture(scope="module", params=[GlRenderer, TinyRenderer])
+def renderer(request: pytest.FixtureRequest) -> Iterator[Renderer]:
+    made: Renderer = request.param()
+    yield made
+    made.close()
+
+
+def scene_of(*meshes: Mesh) -> SceneMesh:
+    assembly = Assembly()
+    for i, mesh in enumerate(meshes):
+        assembly.draw(assembly.part("object", f"thing-{i + 1}"), mesh)
+    owners = [np.full(m.vertex_count, o, np.uint16) for m, o in zip(assembly.meshes, assembly.owners, strict=True)]
+    return SceneMesh(
+        concatenate(assembly.meshes),
+        np.concatenate(owners),
+        tuple(assembly.parts),
+        assembly.chunks(),
+        (),
+        base_textures(),
+        Light(),
+        (0.0, 0.0, 0.0),
+    )
+
+
+def seen(renderer: Renderer, scene: SceneMesh, pose: Pose, headings: tuple[float, ...] = (0,)) -> RenderedViews:
+    uploaded = renderer.upload(scene)
+    try:
+        return renderer.render(uploaded, pose, headings, SIZE)
+    finally:
+        uploaded.release()
+
+
+def ids(renderer: Renderer, scene: SceneMesh, pose: Pose, headings: tuple[float, ...] = (0,)) -> np.ndarray:
+    uploaded = renderer.upload(scene)
+    try:
+        return renderer.render_ids(uploaded, pose, headings, SIZE)
+    finally:
+        uploaded.release()
+
+
+def wall_ahead(pose: Pose, distance_m: float, turned: float = 0.0) -> Mesh:
+    """A large wall whose middle is straight ahead, facing back, turned about the upright axis."""
+    a = pose.yaw + turned
+    out, side = np.array([-cos(a), -sin(a)]), np.array([sin(a), -cos(a)])
+    middle = np.array([pose.x + distance_m * cos(pose.yaw), pose.y + distance_m * sin(pose.yaw)])
+    left, right = middle - 60 * side, middle + 60 * side
+    wall = quad([(*left, -60), (*right, -60), (*right, 60), (*left, 60)])
+    assert wall.normals[0, :2] @ out > 0.99
+    return wall
+
+
+def test_a_wall_straight_ahead_has_the_same_planar_depth_everywhere(renderer: Renderer) -> None:
+    pose = Pose(x=3, y=-2, z=5, yaw=0.7)
+    depth = seen(renderer, scene_of(wall_ahead(pose, 7.5)), pose).depth_m()[0]
+    assert np.abs(depth - 7.5).max() <= UNIT_M
+
+
+def test_a_slanting_wall_has_the_depth_of_the_pixel_centres_rays(renderer: Renderer) -> None:
+    pose = Pose(x=0, y=0, z=5, yaw=-0.4)
+    depth = seen(renderer, scene_of(wall_ahead(pose, 8.0, turned=0.5)), pose).depth_m()[0]
+    # the wall's plane: forward * cos(t) - right * sin(t) = 8 cos(t), with right = slope * forward on a pixel's ray
+    slope = (np.arange(SIZE) + 0.5 - SIZE / 2) / (SIZE / 2)
+    expected = 8.0 * cos(0.5) / (cos(0.5) - slope * sin(0.5))
+    assert np.abs(depth - expected[None, :]).max() <= 2 * UNIT_M
+
+
+@pytest.mark.parametrize("heading", HEADINGS)
+def test_a_point_appears_where_the_pinhole_puts_it(renderer: Renderer, heading: float) -> None:
+    pose = Pose(x=1, y=2, z=6, yaw=2.1)
+    a = pose.yaw - radians(heading) - 0.2
+    place = np.array([pose.x + 9 * cos(a), pose.y + 9 * sin(a), 8.0])
+    view = ids(renderer, scene_of(box((0.5, 0.5, 0.5), place.tolist())), pose, (heading,))[0]
+    rows, columns = np.nonzero(view)
+    x, y, _ = project(pose, heading, SIZE, place[None])[0]
+    assert abs(columns.mean() + 0.5 - x) < 0.7
+    assert abs(rows.mean() + 0.5 - y) < 0.7
+    assert x > SIZE / 2  # clockwise from the axis is right
+    assert y < SIZE / 2
+
+
+def test_positive_headings_look_to_the_right(renderer: Renderer) -> None:
+    north = Pose(x=0, y=0, z=2, yaw=pi / 2)
+    scene = scene_of(box((1, 1, 1), (6, 0, 2)), box((1, 1, 1), (-6, 0, 2)))
+    view = ids(renderer, scene, north, (90, -90))
+    assert set(np.unique(view[0])) == {0, 1}  # east
+    assert set(np.unique(view[1])) == {0, 2}  # west
+
+
+def test_where_nothing_stands_the_depth_is_infinite_and_the_id_0(renderer: Renderer) -> None:
+    pose = Pose(x=0, y=0, z=2, yaw=0.0)
+    scene = scene_of(box((1, 1, 1), (6, 0, 2)))
+    view, part = seen(renderer, scene, pose), ids(renderer, scene, pose)
+    assert (np.isinf(view.depth_m()) == (part == 0)).all()
+    assert (part == 1).any()
+
+
+def test_faces_are_only_seen_from_outside(renderer: Renderer) -> None:
+    scene = scene_of(box((4, 4, 4), (0, 0, 2)))
+    inside = ids(renderer, scene, Pose(x=0, y=0, z=2, yaw=0.3))
+    outside = ids(renderer, scene, Pose(x=-9, y=0, z=2, yaw=0.0))
+    assert (outside == 1).any()
+    if renderer.name == "moderngl":
+        assert not inside.any()
+
+
+def test_the_same_scene_and_pose_give_the_same_bytes_again_and_after_another_upload(renderer: Renderer) -> None:
+    pose = Pose(x=-8, y=0.5, z=3, yaw=0.1)
+    scene = scene_of(box((3, 5, 4), (0, 0, 2), "#a05030", base_textures().layer("brick")), ellipsoid(1.2, (-2, 3, 3)))
+    other = scene_of(box((9, 9, 9), (0, 0, 0), "#1020f0"))
+    first = seen(renderer, scene, pose, HEADINGS)
+    seen(renderer, other, pose, HEADINGS)
+    again = seen(renderer, scene, pose, HEADINGS)
+    assert first.rgb.tobytes() == again.rgb.tobytes()
+    assert first.depth_units.tobytes() == again.depth_units.tobytes()
+
+
+def test_sizes_and_counts_beyond_the_limits_are_refused(renderer: Renderer) -> None:
+    uploaded = renderer.upload(scene_of(box((1, 1, 1))))
+    pose = Pose(x=-5, y=0, z=0, yaw=0)
+    for headings, size in (((0,), 5000), ((0,), 0), ((), 100), ((0,) * 9, 100)):
+        with pytest.raises(ValueError, match="can be drawn"):
+            renderer.render(uploaded, pose, headings, size)
+    uploaded.release()
+
+
+def test_both_renderers_see_the_same_silhouettes_and_depths() -> None:
+    scene = scene_of(
+        box((240, 240, 1), (0, 0, -0.5)), box((4, 4, 8), (10, 3, 4)), ellipsoid((2, 2, 2), (12, -6, 3), 24, 16)
+    )
+    pose = Pose(x=0, y=0, z=3, yaw=0.1)
+    gl, tiny = GlRenderer(), TinyRenderer()
+    a, b = ids(gl, scene, pose, HEADINGS), ids(tiny, scene, pose, HEADINGS)
+    assert (a != b).mean() < 0.001
+    da, db = (seen(r, scene, pose, HEADINGS).depth_m() for r in (gl, tiny))
+    near = (a == b) & (da < 60)
+    # the software renderer's depth buffer loses digits with the distance
+    assert (np.abs(da[near] - db[near]) <= 0.004 + 0.0005 * da[near]).mean() > 0.999
+    gl.close()
