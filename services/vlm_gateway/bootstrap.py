@@ -10,7 +10,7 @@ from fastapi import FastAPI
 
 from service_kit.client import ServiceClient
 from service_kit.metrics import HttpMetrics
-from service_kit.settings import Settings
+from service_kit.settings import BadSetting, Settings
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.chat import ChatBackend
@@ -82,8 +82,12 @@ def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
     from services.vlm_gateway.backends.embedded import EmbeddedBackend
     from services.vlm_gateway.embedded import EmbeddedModel
 
+    try:
+        pixel_model = EmbeddedModel()
+    except OSError as error:
+        raise BadSetting(f"models.{alias}: the embedded model's data can't be read: {error}; reinstall it") from None
     return EmbeddedBackend(
-        EmbeddedModel(),
+        pixel_model,
         revision=_embedded_revision(),
         alias=alias,
         concurrency=model.concurrency,

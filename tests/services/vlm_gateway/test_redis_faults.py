@@ -64,6 +64,7 @@ def test_stopped_in_its_tracks_one_request_waits_and_the_others_do_not_ask(
     url: str, redis_server: RedisProcess
 ) -> None:
     asked_until_hit(url, 1)
+    wait_until(lambda: state(url) == "ok")
     before = reads_failed(url)
     redis_server.process.send_signal(signal.SIGSTOP)
     try:
