@@ -166,10 +166,10 @@ NON_OBJECTS = (
     | PARCEL_NOUNS
     | words(
         "congratulations english details noise lair twins visual identifier indicator crisis civilization card "
-        "façade facade unsorry lesson record criminal kingdom train bus flight plane taxi ride client hamster "
-        "pigeon building buildings block blocks tower towers street road lane avenue lift lifts elevator elevators "
-        "stairs staircase stairwell entrance lobby corridor hallway desk reception buzzer doorbell intercom code "
-        "gate gates parking city town country village world weather rain snow sun wind storm drone drones machine "
+        "façade facade lesson record criminal kingdom train bus flight plane taxi ride client hamster pigeon "
+        "building buildings block blocks tower towers street road lane avenue lift lifts elevator elevators stairs "
+        "staircase stairwell entrance lobby corridor hallway desk reception buzzer doorbell intercom code gate "
+        "gates parking city town country village world weather rain snow sun wind storm drone drones machine "
         "machines operator pilot courier driver customer customers service app message text call email phone "
         "telephone number numbers name names address rent price money pounds dollars bucks euros invoice reference "
         "contact instructions instruction directions direction note notes favour favor problem trouble matter "

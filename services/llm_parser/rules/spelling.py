@@ -61,10 +61,8 @@ _SHORT = {
     "tehre": "there",
     "thier": "their",
     "taht": "that",
-    "no1": "no",
     "nto": "not",
     "ont": "not",
-    "buy": "by",
     "bi": "by",
     "ona": "on a",
     "ina": "in a",
@@ -183,8 +181,8 @@ def repair(word: str) -> tuple[str, bool]:
     if squeezed and word in _KNOWN:
         return word, True
     short = _SHORT.get(word)
-    if short is not None and (word not in _KNOWN or word in FLOOR_NOUNS or word == "buy"):
-        return (word, False) if word == "buy" else (short, True)
+    if short is not None and (word not in _KNOWN or word in FLOOR_NOUNS):
+        return short, True
     if len(word) < 4 or len(word) > 14 or "-" in word or word in _KNOWN:
         return word, False
     if word.endswith("s") and word[:-1] in _KNOWN:

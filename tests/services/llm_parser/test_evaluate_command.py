@@ -21,11 +21,11 @@ def mixed(tmp_path: Path) -> Path:
         {
             "id": "b",
             "style": "terse",
-            "request": "Floor 3, the window with the red kite.",
+            "request": KITE,
             "floor": 3,
             "object": "Red kite",
         },
-        {"id": "c", "style": "terse", "request": "Floor 3, the window with the red kite.", "floor": 4, "object": None},
+        {"id": "c", "style": "terse", "request": KITE, "floor": 4, "object": None},
     ]
     path.write_text("\n".join(json.dumps(line) for line in lines), encoding="utf-8")
     return path
@@ -55,10 +55,11 @@ def test_fillings_repeat_with_the_seed_and_differ_between_seeds() -> None:
     assert first != other
 
 
-def test_decoys_never_equal_the_answer() -> None:
-    line = TEMPLATES.parent / "request_templates_further.jsonl"
-    for sample in read_samples(line, seed=3, fills=5):
-        assert sample.floor is None or 1 <= sample.floor <= 30
+def test_every_filling_holds_its_own_answer_and_no_open_slot() -> None:
+    for sample in read_samples(TEMPLATES, seed=3, fills=1):
+        assert sample.object is not None
+        assert sample.object in sample.request
+        assert "{" not in sample.request
 
 
 @pytest.mark.parametrize("line", ["{", '{"id": "a"}', '{"id": "a", "style": "s", "template": "{nothing_known}"}', "[]"])

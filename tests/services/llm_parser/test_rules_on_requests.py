@@ -20,6 +20,13 @@ def test_the_templates_are_read_exactly_nine_times_in_ten_or_more(seed: int) -> 
     assert all(score.object_share >= 0.8 for score in found.by_style.values()), found.by_style
 
 
+def test_further_templates_in_other_words_are_read_as_well() -> None:
+    found = evaluate(read_samples(DATA / "request_templates_further.jsonl", seed=4, fills=3))
+    assert found.overall.samples >= 200
+    assert found.overall.floor_share >= 0.95
+    assert found.overall.object_share >= 0.92
+
+
 def test_sentences_of_our_own_are_read_as_well() -> None:
     found = evaluate(read_samples(DATA / "request_sentences.jsonl"))
     assert found.overall.samples >= 110
