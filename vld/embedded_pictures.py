@@ -28,7 +28,7 @@ from vld.sim_client import SimClient, SimulatorFault, own_simulator
 _STAND_OFF_M = (5.5, 10.5)
 _SQUARE_M = (8.0, 10.0)
 _CLEAR_M = 4.0
-_CROWD = 45
+_CROWD = 110
 _ABOVE_M = 12.0
 _YAW_JITTER = 0.25
 

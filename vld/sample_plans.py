@@ -19,7 +19,7 @@ SAMPLE_PLANS: tuple[SamplePlan, ...] = (
         "The green flower pot",
         "Please bring my parcel to the fourth floor, the window with the green flower pot. "
         "The one with the red flower pot is my neighbour's.",
-        11,
+        117,
         SceneSpec(
             name="green-flower-pot",
             kind="low_rise",
@@ -30,7 +30,7 @@ SAMPLE_PLANS: tuple[SamplePlan, ...] = (
             goal=GoalSpec(kind="flower_pot", colour="green", floor=4, corners=1, column=1, on="sill", scale=1.4),
             decoys=(DecoySpec(like="colour", colour="red", corners=1), DecoySpec(like="kind", corners=0)),
             clutter=8,
-            surroundings=Surroundings(trees=14, shrubs=6, cars=3),
+            surroundings=Surroundings(neighbours="street", gap_m=36, trees=24, shrubs=8, cars=4),
             sky="clear",
         ),
     ),

@@ -109,7 +109,7 @@ class SceneSpec(Wire):
     balconies: BalconySpec | None = None
     goal: GoalSpec
     decoys: tuple[DecoySpec, ...] = Field(default=(), max_length=8)
-    clutter: int = Field(default=6, ge=0, le=60)
+    clutter: int = Field(default=6, ge=0, le=200)
     surroundings: Surroundings = Surroundings()
     start_facade: int = Field(default=0, ge=0, le=31)
     start_distance_m: float = Field(default=9.0, ge=8.0, le=10.0)

@@ -113,9 +113,9 @@ def _light(spec: SceneSpec, target: Building, rng: np.random.Generator) -> Light
     sky = spec.sky or str(rng.choice(("clear", "cloudy", "overcast", "dusk"), p=(0.5, 0.3, 0.15, 0.05)))
     goal_wall = facades(target)[facade_at(target, spec.start_facade, spec.goal.corners)]
     start_wall = facades(target)[spec.start_facade]
-    out = start_wall.normal[0] + 0.6 * goal_wall.normal[0], start_wall.normal[1] + 0.6 * goal_wall.normal[1]
+    out = 0.6 * start_wall.normal[0] + goal_wall.normal[0], 0.6 * start_wall.normal[1] + goal_wall.normal[1]
     # from the side of the facades that matter, never straight on, so that their relief throws shadows
-    azimuth = math.atan2(out[1], out[0]) + float(rng.choice((-1.0, 1.0))) * float(rng.uniform(0.4, 0.9))
+    azimuth = math.atan2(out[1], out[0]) + float(rng.choice((-1.0, 1.0))) * float(rng.uniform(0.25, 0.6))
     return Light(
         sun_azimuth=round(azimuth, 3),
         sun_elevation=round(float(rng.uniform(0.55, 0.95)), 3),
