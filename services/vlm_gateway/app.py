@@ -24,10 +24,10 @@ from contracts.vlm_gateway import (
     Question,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion
+from service_kit.errors import BadQuestion, ServiceError
 from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.backends.chat import ChatBackend
-from services.vlm_gateway.chat.passthrough import Passthrough
+from services.vlm_gateway.chat.passthrough import Passthrough, gone
 from services.vlm_gateway.chat.request import read_chat
 from services.vlm_gateway.errors import ModelTimeout
 from services.vlm_gateway.gateway import Gateway
@@ -176,22 +176,31 @@ def _validated(model: type[Question], raw: bytes) -> Question:
 
 
 async def _within(request: Request, work: Coroutine[Any, Any, T]) -> T:
-    """`work`, for as long as the caller is going to wait, if it says so in `x-timeout-s`."""
+    """`work`, for as long as the caller stays and is going to wait, if it says so in `x-timeout-s`; then it is
+    cancelled, so that no model works for nobody."""
     stated = request.headers.get("x-timeout-s")
-    if stated is None:
-        return await work
+    limit_s = None
+    if stated is not None:
+        try:
+            limit_s = float(stated)
+        except ValueError:
+            limit_s = 0.0
+        if not 0.001 <= limit_s <= 3600.0:
+            work.close()
+            raise BadQuestion(f"x-timeout-s: {stated[:20]!r} is no number of seconds from 0.001 to 3600")
+    working, leaving = asyncio.ensure_future(work), asyncio.ensure_future(gone(request.receive))
     try:
-        limit_s = float(stated)
-    except ValueError:
-        limit_s = 0.0
-    if not 0.001 <= limit_s <= 3600.0:
-        work.close()
-        raise BadQuestion(f"x-timeout-s: {stated[:20]!r} is no number of seconds from 0.001 to 3600")
-    try:
-        async with asyncio.timeout(limit_s):
-            return await work
-    except TimeoutError:
-        raise ModelTimeout(f"no answer within the caller's {limit_s:g} s") from None
+        await asyncio.wait({working, leaving}, timeout=limit_s, return_when=asyncio.FIRST_COMPLETED)
+        if working.done():
+            return working.result()
+        if leaving.done():
+            raise ServiceError("the caller has left", code="caller_left", status=499)
+        raise ModelTimeout(f"no answer within the caller's {limit_s:g} s")
+    finally:
+        unfinished = [task for task in (working, leaving) if not task.done()]
+        for task in unfinished:
+            task.cancel()
+        await asyncio.gather(*unfinished, return_exceptions=True)
 
 
 def _wanted(request: Request) -> bool | None:

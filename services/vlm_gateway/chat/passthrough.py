@@ -144,14 +144,14 @@ class ChatStream(Response):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         relay = asyncio.ensure_future(self._relay(scope, receive, send))
-        gone = asyncio.ensure_future(_gone(receive))
+        leaving = asyncio.ensure_future(gone(receive))
         try:
-            await asyncio.wait({relay, gone}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({relay, leaving}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            for task in (relay, gone):
+            for task in (relay, leaving):
                 if not task.done():
                     task.cancel()
-            results = await asyncio.gather(relay, gone, return_exceptions=True)
+            results = await asyncio.gather(relay, leaving, return_exceptions=True)
         if isinstance(results[0], Exception):
             raise results[0]
 
@@ -231,6 +231,7 @@ class _Kept:
         return b"".join(self._pieces) if self.finished and self._pieces is not None else None
 
 
-async def _gone(receive: Receive) -> None:
+async def gone(receive: Receive) -> None:
+    """Returns when the client has left. To be asked once the request's body was read."""
     while (await receive())["type"] != "http.disconnect":
         pass

@@ -240,6 +240,17 @@ def test_a_stream_is_cached_whole_or_not_at_all(url: str, mock: OpenAiMock) -> N
     assert post(url, PATH, chat(temperature=0)).headers["x-cache"] == "miss"
 
 
+@pytest.mark.parametrize("cached", [True, False])
+def test_a_client_that_leaves_ends_the_call_it_alone_waited_for(url: str, mock: OpenAiMock, cached: bool) -> None:
+    mock.will(hangs())
+    with pytest.raises(httpx.ReadTimeout):
+        httpx.post(url + PATH, json=chat(temperature=0 if cached else 1), timeout=0.5)
+    wait_until(lambda: mock.broken_off == 1)
+    wait_until(lambda: httpx.get(url + "/v1/status").json()["models"]["m"]["running"] == 0)
+    wait_until(lambda: metric(url, "http_requests_total", status="499") == 1)
+    assert metric(url, "vlm_gateway_calls_total", outcome="model_timeout") == 0  # it was not the deadline
+
+
 def test_a_client_that_leaves_a_stream_ends_it_at_the_server_too(url: str, mock: OpenAiMock) -> None:
     mock.will(streams(*["word "] * 400, pause_s=0.05))
     with httpx.stream("POST", url + PATH, json=chat(stream=True)) as response:
