@@ -13,15 +13,15 @@ from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from contracts.sim import Claim, EpisodeQuestion, Verdict
 from orchestrator.asking import Answered
 from orchestrator.phases.approach import Lost, approach
-from orchestrator.phases.explore import Exploration
+from orchestrator.phases.explore import Exploration, Found
 from orchestrator.phases.floors import go_to_floor
 from orchestrator.ports import ModelUnreachable, PortError, Ports, ServiceRefused, ServiceUnreachable
 from orchestrator.record import Log
-from orchestrator.sortie import MissionEnd, Sortie, spoken
+from orchestrator.sortie import Look, MissionEnd, Sortie, spoken
 
 log = logging.getLogger("orchestrator.mission")
 
-MAX_APPROACHES = 6
+MAX_APPROACHES = 8
 END_DEADLINE_S = 5.0
 
 
@@ -86,13 +86,15 @@ class Mission:
         )
 
     async def _search(self) -> None:
-        """Explore until the object is seen, approach it; what does not stand up is dismissed and the search goes on."""
+        """Explore until the object is seen, approach it. What does not stand up is dismissed, what can't be reached is
+        tried from elsewhere; the search goes on."""
         sortie = self._sortie
         exploration = Exploration(sortie)
         last: Lost | None = None
+        leaving: Look | None = None
         for _ in range(MAX_APPROACHES):
             sortie.enter("explore", f"looking for a {sortie.object} on floor {sortie.floor}")
-            found = await exploration.until_found()
+            found = await self._found(exploration, leaving, last)
             sortie.enter("approach", f"flying to the {sortie.object} {found.sighting.distance_m:.1f} m away")
             end = await approach(exploration, found)
             if not isinstance(end, Lost):
@@ -103,11 +105,21 @@ class Mission:
                 sortie.episode = self._verdict.episode
                 sortie.write("verdict", _spoken_verdict(self._verdict), self._verdict.model_dump(mode="json"))
                 return
-            exploration.dismissed.append(end.place)
-            last = end
+            last, leaving = end, found.look if end.blocked else None
+            if not end.blocked:
+                exploration.dismissed.append(end.place)
         if last is not None and last.blocked:
-            raise MissionEnd("blocked", f"the way to the window is not free ({last.why})")
+            raise _blocked(last)
         raise MissionEnd("object_not_found", f"{MAX_APPROACHES} sightings did not stand up to a nearer look")
+
+    async def _found(self, exploration: Exploration, leaving: Look | None, last: Lost | None) -> Found:
+        """The next sighting. One that could not be reached and never came back into sight is the better reason."""
+        try:
+            return await exploration.until_found(leaving)
+        except MissionEnd as end:
+            if end.outcome == "object_not_found" and last is not None and last.blocked:
+                raise _blocked(last) from None
+            raise
 
     def _judged(self) -> MissionEnd:
         """The claim's verdict as the delivery's outcome."""
@@ -173,6 +185,10 @@ class Mission:
             model_calls=dict(sortie.book.calls),
             renderer=episode.renderer if episode else None,
         )
+
+
+def _blocked(last: Lost) -> MissionEnd:
+    return MissionEnd("blocked", f"the object was seen, but the way to its window is not free ({last.why})")
 
 
 def _spoken_verdict(verdict: Verdict) -> str:

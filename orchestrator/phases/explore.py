@@ -54,10 +54,13 @@ class Exploration:
     _d_max_m: float | None = None
     _silent: int = 0
 
-    async def until_found(self) -> Found:
-        """Flies until the object is seen. Raises MissionEnd: object_not_found after the last step, answer_unreadable
-        after too many useless answers in a row; PortError."""
+    async def until_found(self, leaving: Look | None = None) -> Found:
+        """Flies until the object is seen; `leaving` is a look whose sighting is to be tried from elsewhere. Raises
+        MissionEnd: object_not_found after the last step, answer_unreadable after too many useless answers in a row;
+        PortError."""
         sortie, settings = self.sortie, self.sortie.settings
+        if leaving is not None and sortie.exploration_steps < settings.max_exploration_steps:
+            await self._go_on(leaving)
         while sortie.exploration_steps < settings.max_exploration_steps:
             sortie.exploration_steps += 1
             look = await sortie.look()

@@ -251,6 +251,32 @@ async def test_a_sighting_that_does_not_stand_up_is_dismissed_and_the_search_goe
     assert result.outcome == "delivered"
 
 
+class BlockedAtFirst(LocalDepthAssist):
+    """A depth assistant that sees no way in for the first `times` asked."""
+
+    def __init__(self, times: int) -> None:
+        self._left = times
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        self._left -= 1
+        if self._left >= 0:
+            return ApproachAnswer(status="blocked")
+        return await super().approach(question)
+
+
+@pytest.mark.parametrize(("times", "outcome"), [(1, "delivered"), (99, "blocked")])
+async def test_a_sighting_whose_way_is_not_free_is_tried_again_from_elsewhere(times: int, outcome: str) -> None:
+    world = BlockWorld(BEHIND)
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, BlockedAtFirst(times), world)
+    settings = MissionSettings(max_exploration_steps=12)
+    result = await Mission(ports, settings, log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    assert result.outcome == outcome
+    tried = [e.data["pose"] for e in log.of("look") if any(s["accepted"] for s in e.data["sightings"])]
+    assert tried[0] != tried[1]
+
+
 class ThroughTheWall(LocalDepthAssist):
     """A depth assistant that leads into the building."""
 
