@@ -1,7 +1,7 @@
 """Pictures by OpenGL on EGL: on the processor where there is no graphics card, on the card where there is one."""
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import cv2
 import moderngl
@@ -13,84 +13,17 @@ from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.geometry.textures import TextureSet
 from services.sim.render import shaders
 from services.sim.render.culling import visible_chunks
+from services.sim.render.gl_scene import SHADOW_SIZE, GlScene
 from services.sim.render.light import WEATHER, fill_direction, sun_direction
 from services.sim.render.views import FAR_M, NEAR_M, RenderedViews, view_axes
 
-SHADOW_SIZE = 4096
+SKY_SLOPES = (-0.05, 1.05)
+"""What the painted sky spans: a level view of 90 degrees sees up to slope 1, straight ahead."""
 SHADOW_HALF_M = 75.0
-_VERTEX = np.dtype(
-    [
-        ("position", "<f4", 3),
-        ("uv", "<f4", 2),
-        ("normal", "u1", 3),
-        ("_pad1", "u1"),
-        ("colour", "u1", 3),
-        ("_pad2", "u1"),
-        ("layer", "<u2"),
-        ("part", "<u2"),
-    ]
-)
-_COMMAND = np.dtype(
-    [("count", "<u4"), ("instances", "<u4"), ("first", "<u4"), ("base", "<u4"), ("base_instance", "<u4")]
-)
 
 
 class NoGlContext(RuntimeError):
     """No OpenGL context can be had on this machine; the message says what EGL answered."""
-
-
-class GlScene:
-    """One scene in the graphics memory. Shares its texture array with every scene of the same texture set."""
-
-    def __init__(self, context: moderngl.Context, programs: dict[str, Any], scene: SceneMesh, textures: Any) -> None:
-        mesh = scene.mesh
-        vertices = np.zeros(mesh.vertex_count, _VERTEX)
-        vertices["position"] = mesh.positions
-        vertices["uv"] = mesh.uv / scene.textures.tile_m[mesh.layer][:, None]
-        vertices["normal"] = np.rint(mesh.normals * 127) + 127
-        vertices["colour"] = mesh.colours
-        vertices["layer"] = mesh.layer
-        vertices["part"] = scene.part_of
-        self.scene = scene
-        self.textures = textures
-        self.low = np.array([c.low for c in scene.chunks], np.float64).reshape(-1, 3)
-        self.high = np.array([c.high for c in scene.chunks], np.float64).reshape(-1, 3)
-        self.commands = np.zeros(len(scene.chunks), _COMMAND)
-        self.commands["count"] = [c.face_count * 3 for c in scene.chunks]
-        self.commands["first"] = [c.first_face * 3 for c in scene.chunks]
-        self.commands["instances"] = 1
-        self._vertices = context.buffer(vertices.tobytes())
-        self._indices = context.buffer(np.ascontiguousarray(mesh.faces, "<u4").tobytes())
-        self.indirect = context.buffer(reserve=max(1, len(self.commands)) * _COMMAND.itemsize, dynamic=True)
-        self.views = context.vertex_array(
-            programs["scene"],
-            [
-                (
-                    self._vertices,
-                    "3f 2f 3f1 1x 3f1 1x 1u2 2x",
-                    "in_position",
-                    "in_uv",
-                    "in_normal",
-                    "in_colour",
-                    "in_layer",
-                )
-            ],
-            self._indices,
-        )
-        self.shadow = context.vertex_array(
-            programs["shadow"], [(self._vertices, "3f 20x", "in_position")], self._indices
-        )
-        self.ids = context.vertex_array(
-            programs["ids"], [(self._vertices, "3f 18x 1u2", "in_position", "in_part")], self._indices
-        )
-        self.shade = context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
-        self.shade.compare_func = "<="
-        self.shade.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self.shade.repeat_x = self.shade.repeat_y = False
-
-    def release(self) -> None:
-        for thing in (self.views, self.shadow, self.ids, self.shade, self._vertices, self._indices, self.indirect):
-            thing.release()
 
 
 class GlRenderer:
@@ -112,19 +45,22 @@ class GlRenderer:
         self._programs = {
             "scene": self._gl.program(shaders.SCENE_VERTEX, shaders.SCENE_FRAGMENT),
             "shadow": self._gl.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT),
+            "panorama": self._gl.program(shaders.PANORAMA_VERTEX, shaders.PANORAMA_FRAGMENT),
             "sky": self._gl.program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT),
             "ids": self._gl.program(shaders.IDS_VERTEX, shaders.IDS_FRAGMENT),
         }
-        corners = np.array([(-1, -1), (3, -1), (-1, 3)], "<f4")
-        buffer = self._gl.buffer(corners.tobytes())
-        self._sky = self._gl.vertex_array(self._programs["sky"], [(buffer, "2f", "in_corner")])
+        corners = self._gl.buffer(np.array([(-1, -1), (3, -1), (-1, 3)], "<f4").tobytes())
+        self._panorama = self._gl.vertex_array(self._programs["panorama"], [(corners, "2f", "in_corner")])
+        drum = self._gl.buffer(_sky_drum().tobytes())
+        self._sky = self._gl.vertex_array(self._programs["sky"], [(drum, "3f 2f", "in_direction", "in_uv")])
         self._textures: dict[int, tuple[TextureSet, moderngl.TextureArray]] = {}
         self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
 
     def upload(self, scene: SceneMesh) -> GlScene:
-        """Copies the scene into the renderer and draws its shadows once."""
+        """Copies the scene into the renderer and draws its shadows and its sky once."""
         uploaded = GlScene(self._gl, self._programs, scene, self._texture_array(scene.textures))
         self._draw_shadows(uploaded)
+        self._draw_panorama(uploaded)
         return uploaded
 
     def render(self, uploaded: GlScene, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
@@ -230,8 +166,8 @@ class GlRenderer:
             if what == "scene":
                 self._gl.disable(moderngl.CULL_FACE)
                 self._gl.depth_func = "<="
-                _set_matrix(self._programs["sky"], "axes", axes)
-                self._sky.render()
+                _set_matrix(self._programs["sky"], "to_clip", _clip_matrix(axes, np.zeros(3)))
+                self._sky.render(moderngl.TRIANGLE_STRIP)
 
     def _set_light(self, uploaded: GlScene) -> None:
         light = uploaded.scene.light
@@ -239,17 +175,40 @@ class GlRenderer:
         sun, gain = sun_direction(light), light.exposure
         uploaded.textures.use(0)
         uploaded.shade.use(1)
-        scene, sky = self._programs["scene"], self._programs["sky"]
-        scene["surface"], scene["shade"], sky["surface"] = 0, 1, 0
+        uploaded.panorama.use(2)
+        scene = self._programs["scene"]
+        scene["surface"], scene["shade"], self._programs["sky"]["panorama"] = 0, 1, 2
         _set_matrix(scene, "to_sun", _sun_matrix(uploaded.scene))
-        scene["sun"] = sky["sun"] = tuple(sun)
+        scene["sun"] = tuple(sun)
         scene["fill_light"] = tuple(fill_direction(light))
         for name, value in (("sun_light", weather.sun), ("sky_light", weather.sky), ("ground_light", weather.ground)):
             scene[name] = tuple(gain * v for v in value)
         scene["haze"], scene["haze_per_m"] = weather.haze, weather.haze_per_m
+
+    def _draw_panorama(self, uploaded: GlScene) -> None:
+        light = uploaded.scene.light
+        program = self._programs["panorama"]
         for name in ("zenith", "horizon", "cloud", "cover", "glow"):
-            sky[name] = getattr(weather, name)
-        sky["cloud_layer"] = float(uploaded.scene.textures.layer("clouds"))
+            program[name] = getattr(WEATHER[light.sky], name)
+        program["sun"] = tuple(sun_direction(light))
+        program["cloud_layer"] = float(uploaded.scene.textures.layer("clouds"))
+        program["slopes"], program["surface"] = SKY_SLOPES, 0
+        uploaded.textures.use(0)
+        target = self._gl.framebuffer([uploaded.panorama])
+        target.use()
+        self._gl.enable_only(moderngl.NOTHING)
+        self._panorama.render()
+        target.release()
+
+
+def _sky_drum(sides: int = 96) -> NDArray[np.float32]:
+    """(2 * sides + 2, 5): a strip round the eye, direction and uv of each corner; seen from inside."""
+    share = np.repeat(np.arange(sides + 1) / sides, 2)
+    angle = share * 2 * np.pi
+    # downwards, beyond the painting, its lowest row goes on
+    z = np.tile((-1.2, 1.2), sides + 1)
+    v = (z - SKY_SLOPES[0]) / (SKY_SLOPES[1] - SKY_SLOPES[0])
+    return np.column_stack([np.cos(angle), np.sin(angle), z, share, v]).astype("<f4")
 
 
 def _set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float64]) -> None:

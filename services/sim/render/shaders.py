@@ -69,18 +69,18 @@ SHADOW_FRAGMENT = """
 void main() {}
 """
 
-SKY_VERTEX = """
+PANORAMA_VERTEX = """
 #version 430
 in vec2 in_corner;
-uniform mat3 axes;
-out vec3 direction;
+out vec2 at_panorama;
 void main() {
-    gl_Position = vec4(in_corner.x, -in_corner.y, 1.0, 1.0);
-    direction = transpose(axes) * vec3(in_corner, 1.0);
+    gl_Position = vec4(in_corner, 0.0, 1.0);
+    at_panorama = in_corner * 0.5 + 0.5;
 }
 """
 
-SKY_FRAGMENT = """
+# the whole sky is painted once for each scene: u runs round the horizon, v up to the slope that a view can reach
+PANORAMA_FRAGMENT = """
 #version 430
 uniform sampler2DArray surface;
 uniform float cloud_layer;
@@ -90,11 +90,12 @@ uniform vec3 cloud;
 uniform float cover;
 uniform vec3 sun;
 uniform vec3 glow;
-in vec3 direction;
-layout(location = 0) out vec4 colour;
-layout(location = 1) out uint depth_units;
+uniform vec2 slopes;
+in vec2 at_panorama;
+out vec4 colour;
 void main() {
-    vec3 d = normalize(direction);
+    float azimuth = at_panorama.x * 6.283185307;
+    vec3 d = normalize(vec3(cos(azimuth), sin(azimuth), mix(slopes.x, slopes.y, at_panorama.y)));
     float up = max(d.z, 0.0);
     float low = 1.0 - up;
     vec3 c = mix(zenith, horizon, low * low * low);
@@ -102,10 +103,33 @@ void main() {
     float s2 = s * s, s8 = s2 * s2 * s2 * s2, s64 = s8 * s8 * s8 * s8 * s8 * s8 * s8 * s8;
     c += glow * (0.25 * s2 + 0.75 * s64);
     vec2 at = d.xy / (up + 0.16);
-    float density = texture(surface, vec3(at * 0.11 + 0.37, cloud_layer)).r;
+    float density = textureLod(surface, vec3(at * 0.11 + 0.37, cloud_layer), 0.0).r;
     float inside = smoothstep(1.0 - cover, 1.25 - cover, density) * smoothstep(0.02, 0.22, up);
     c = mix(c, cloud * (0.86 + 0.14 * density), inside * 0.85);
     colour = vec4(sqrt(c), 1.0);
+}
+"""
+
+SKY_VERTEX = """
+#version 430
+uniform mat4 to_clip;
+in vec3 in_direction;
+in vec2 in_uv;
+out vec2 uv;
+void main() {
+    gl_Position = (to_clip * vec4(in_direction, 1.0)).xyww;
+    uv = in_uv;
+}
+"""
+
+SKY_FRAGMENT = """
+#version 430
+uniform sampler2D panorama;
+in vec2 uv;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out uint depth_units;
+void main() {
+    colour = texture(panorama, uv);
     depth_units = 65535u;
 }
 """

@@ -6,6 +6,7 @@ atlas, because a body has one texture.
 
 import tempfile
 from collections.abc import Sequence
+from dataclasses import replace
 from math import ceil, sqrt
 from pathlib import Path
 from typing import Literal
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
+from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.light import WEATHER, sun_direction
 from services.sim.render.views import RenderedViews, view_axes
@@ -31,6 +33,7 @@ class TinyScene:
     """One scene in a PyBullet client of its own."""
 
     def __init__(self, scene: SceneMesh) -> None:
+        scene = _one_colour_per_face(scene)
         self.scene = scene
         self.client = pybullet.connect(pybullet.DIRECT)
         self.part_of_body = np.zeros(1, np.uint16)
@@ -157,6 +160,22 @@ def _sky(scene: SceneMesh, size: int) -> NDArray[np.uint8]:
     return np.asarray(np.rint(np.sqrt(colour) * 255), np.uint8)[:, None, :]
 
 
+def _one_colour_per_face(scene: SceneMesh) -> SceneMesh:
+    """The same triangles with corners of their own: between two colours lies no third one in a palette."""
+    mesh = scene.mesh
+    corners = mesh.faces.ravel()
+    mean = mesh.colours[mesh.faces].astype(np.float64).mean(axis=1)
+    own = Mesh(
+        mesh.positions[corners],
+        mesh.normals[corners],
+        mesh.uv[corners],
+        np.repeat((np.rint(mean / 4) * 4).clip(0, 255).astype(np.uint8), 3, axis=0),
+        mesh.layer[corners],
+        np.arange(len(corners), dtype=np.uint32).reshape(-1, 3),
+    )
+    return replace(scene, mesh=own, part_of=scene.part_of[corners])
+
+
 def _atlas(scene: SceneMesh) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """One picture with every flat colour and every picture that the scene uses, and the uv (N, 2) into it."""
     mesh, textures = scene.mesh, scene.textures
@@ -168,21 +187,24 @@ def _atlas(scene: SceneMesh) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     side = ceil(sqrt(len(palette)))
     atlas = np.zeros((_ATLAS, _ATLAS, 3), np.uint8)
     columns = _ATLAS // _CELL
-    layers = np.unique(mesh.layer[pictures])
-    rows = ceil(len(layers) / columns)
+    # a picture that is tinted (a painted door) has a cell for each rough tint
+    tint = (mesh.colours >> 6).astype(np.int64) @ np.array([16, 4, 1]) + mesh.layer.astype(np.int64) * 64
+    cells = np.unique(tint[pictures])
+    rows = ceil(len(cells) / columns)
     # pictures from the top, then the palette as single pixels below them
     top = rows * _CELL
     width = min(_ATLAS, max(side, 1))
     x, y = entry % width, top + entry // width
     if len(palette) and int(y.max()) >= _ATLAS:
-        raise ValueError(f"{len(palette)} colours and {len(layers)} pictures don't fit into the fallback's atlas")
+        raise ValueError(f"{len(palette)} colours and {len(cells)} pictures don't fit into the fallback's atlas")
     atlas[y, x] = flat
     uv = np.column_stack([(x + 0.5) / _ATLAS, (y + 0.5) / _ATLAS])
-    for cell, layer in enumerate(layers):
+    for cell, code_of_tint in enumerate(cells):
         row, column = divmod(cell, columns)
-        image = cv2.resize(textures.images[layer], (_CELL, _CELL), interpolation=cv2.INTER_AREA)
-        atlas[row * _CELL : (row + 1) * _CELL, column * _CELL : (column + 1) * _CELL] = image
-        mine = pictures & (mesh.layer == layer)
+        mine = pictures & (tint == code_of_tint)
+        image = cv2.resize(textures.images[code_of_tint // 64], (_CELL, _CELL), interpolation=cv2.INTER_AREA)
+        tinted = np.rint(image * (mesh.colours[mine].mean(axis=0) / 255)).astype(np.uint8)
+        atlas[row * _CELL : (row + 1) * _CELL, column * _CELL : (column + 1) * _CELL] = tinted
         inset = 0.5 + np.clip(mesh.uv[mine], 0, 1) * (_CELL - 1)
         uv[mine] = np.column_stack([column * _CELL + inset[:, 0], (row + 1) * _CELL - inset[:, 1]]) / _ATLAS
     uv[:, 1] = 1 - uv[:, 1]
