@@ -28,6 +28,7 @@ OutcomeName = Literal[
 ]
 Phase = Literal["parse", "place", "floors", "explore", "approach", "claim", "done"]
 Positive = Annotated[float, Field(gt=0.0, le=1_000.0)]
+MAX_LATENCIES = 1000
 
 
 class MissionSettings(Wire):
@@ -63,7 +64,8 @@ class DeliveryQuestion(Wire):
 
 
 class ModelCalls(Wire):
-    """Counts of one role's model calls, by what the cache did and how they ended."""
+    """Counts of one role's model calls, by what the cache did and how they ended. `latencies_s`: what each call took
+    that the cache did not answer, in the order asked, the first thousand."""
 
     calls: int = 0
     cache_hits: int = 0
@@ -73,10 +75,19 @@ class ModelCalls(Wire):
     prompt_tokens: int = 0
     completion_tokens: int = 0
     seconds: float = 0.0
+    latencies_s: tuple[float, ...] = Field(default=(), max_length=MAX_LATENCIES)
+
+
+class Stop(Wire):
+    """Where the drone stood when a model was asked, and what for."""
+
+    phase: Phase
+    pose: Pose
 
 
 class DeliveryResult(Wire):
-    """How a delivery ended. `steps` counts every stop with a model query; `timings_s` is wall time by part."""
+    """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
+    wall time by part."""
 
     outcome: OutcomeName
     message: str
@@ -93,6 +104,7 @@ class DeliveryResult(Wire):
     timings_s: dict[str, float]
     model_calls: dict[str, ModelCalls]
     renderer: str | None
+    stops: tuple[Stop, ...] = ()
 
 
 class Delivery(Wire):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 from contracts.llm_parser import ParseAnswer
-from contracts.orchestrator import ModelCalls
+from contracts.orchestrator import MAX_LATENCIES, ModelCalls
 from contracts.vlm_gateway import Answer, Role
 from orchestrator.ports import ModelUnreachable
 
@@ -56,14 +56,16 @@ class CallBook:
         try:
             answer = await call
         except ModelUnreachable:
-            self._count(role, time.perf_counter() - started, unreachable=1)
+            self._count(role, time.perf_counter() - started, cached=False, unreachable=1)
             raise
         seconds = time.perf_counter() - started
         tokens = answer.tokens if isinstance(answer, Answer) else None
+        cached = isinstance(answer, Answer) and answer.cache == "hit"
         self._count(
             role,
             seconds,
-            cache_hits=int(isinstance(answer, Answer) and answer.cache == "hit"),
+            cached=cached,
+            cache_hits=int(cached),
             unreadable=int(answer.outcome == "unreadable"),
             refused=int(answer.outcome == "refused"),
             prompt_tokens=tokens.prompt if tokens else 0,
@@ -80,9 +82,15 @@ class CallBook:
         """Adds wall time to a part."""
         self.seconds[part] = self.seconds.get(part, 0.0) + seconds
 
-    def _count(self, role: Role, seconds: float, **more: int) -> None:
+    def _count(self, role: Role, seconds: float, *, cached: bool, **more: int) -> None:
         before = self.calls.get(role, ModelCalls())
         grown = {name: getattr(before, name) + by for name, by in more.items()}
+        latencies = before.latencies_s if cached else (*before.latencies_s, round(seconds, 4))[:MAX_LATENCIES]
         self.calls[role] = before.model_copy(
-            update={"calls": before.calls + 1, "seconds": before.seconds + seconds, **grown}
+            update={
+                "calls": before.calls + 1,
+                "seconds": before.seconds + seconds,
+                "latencies_s": latencies,
+                **grown,
+            }
         )

@@ -184,6 +184,7 @@ class Mission:
             timings_s={part: round(s, 4) for part, s in sortie.book.seconds.items()},
             model_calls=dict(sortie.book.calls),
             renderer=episode.renderer if episode else None,
+            stops=tuple(sortie.stops),
         )
 
 

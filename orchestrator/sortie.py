@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contracts.depth_assist import ViewDepth
 from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point3, Pose
 from contracts.images import BadImage, decode_depth, decode_jpeg, jpeg_bytes
-from contracts.orchestrator import MissionSettings, OutcomeName, Phase
+from contracts.orchestrator import MissionSettings, OutcomeName, Phase, Stop
 from contracts.sim import Episode, Move, MoveResult, Observation, SensedView
 from orchestrator.asking import CallBook
 from orchestrator.ports import Ports, ServiceRefused
@@ -109,6 +109,7 @@ class Sortie:
     building_box: Box | None = None
     steps: int = 0
     exploration_steps: int = 0
+    stops: list[Stop] = field(default_factory=list)
     _moves: int = 0
     _counted_at: int = -1
 
@@ -139,6 +140,7 @@ class Sortie:
         if self._counted_at != self._moves:
             self._counted_at = self._moves
             self.steps += 1
+            self.stops.append(Stop(phase=self.phase, pose=self.flown.pose))
 
     async def timed(self, part: str, call: Awaitable[T]) -> T:
         """Awaits the call and adds its wall time to a part."""

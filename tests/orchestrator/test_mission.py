@@ -102,6 +102,14 @@ async def test_steps_count_stops_with_a_model_query_and_several_queries_at_one_s
     assert result.exploration_steps == len([e for e in log.of("look") if e.phase == "explore"])
 
 
+async def test_the_result_says_where_each_stop_was_and_what_each_call_took() -> None:
+    result = await fly(BlockWorld(BEHIND))
+    assert len(result.stops) == result.steps
+    assert {stop.phase for stop in result.stops} == {"floors", "explore", "approach"}
+    assert all(abs(stop.pose.z - result.final_height_m) < 0.1 for stop in result.stops if stop.phase == "explore")
+    assert len(result.model_calls["recognition"].latencies_s) == result.model_calls["recognition"].calls
+
+
 async def test_one_observation_of_five_views_serves_each_exploration_step() -> None:
     log = Events()
     world = BlockWorld(BEHIND)
