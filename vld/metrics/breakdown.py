@@ -1,0 +1,28 @@
+"""Success by what kind of task it was."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from vld.metrics.proportion import Proportion, share
+from vld.records import EpisodeRecord, Task
+
+FLOOR_GROUPS = ((1, 3), (4, 6), (7, 12), (13, None))
+
+
+def breakdown(
+    tasks: Mapping[str, Task],
+    records: Sequence[EpisodeRecord],
+    group: Callable[[Task], str],
+    order: Sequence[str] = (),
+) -> dict[str, Proportion]:
+    """Success in each group that occurs: those of `order` first, the rest by name; empty without records."""
+    groups: dict[str, list[bool]] = {}
+    for record in records:
+        groups.setdefault(group(tasks[record.task]), []).append(record.success)
+    names = [name for name in order if name in groups] + sorted(set(groups) - set(order))
+    return {name: share(groups[name]) for name in names}
+
+
+def floor_group(task: Task) -> str:
+    """The floor asked for, in groups that floors up to the twenties fill: 1-3, 4-6, 7-12, 13 and up."""
+    low, high = next(g for g in FLOOR_GROUPS if g[1] is None or task.floor <= g[1])
+    return f"{low}-{high}" if high is not None else f"{low}+"
