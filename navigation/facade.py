@@ -45,10 +45,10 @@ def stand_off_m(depth_m: Depth, settings: Settings) -> float | None:
 def facade_top_m(depth_m: Depth, stand_off: float, camera_height_m: float, settings: Settings) -> float | None:
     """The facade's upper edge above ground, from the front view at `camera_height_m`.
 
-    The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the
-    allowed recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's
-    upper edge, its top being out of sight, or where most of the middle is invalid; the height of the picture's lower
-    edge on the facade where there is no wall in the picture at all.
+    The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
+    recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's upper
+    edge, or nothing above it is farther off, its top being out of sight, or where most of the middle is invalid; the
+    height of the picture's lower edge on the facade where there is no wall in the picture at all.
     """
     height, width = int(depth_m.shape[0]), int(depth_m.shape[1])
     strip = depth_m[:, _middle(width, settings.centre_share)]
@@ -68,7 +68,8 @@ def facade_top_m(depth_m: Depth, stand_off: float, camera_height_m: float, setti
     if not len(rows):
         return max(0.0, camera_height_m - stand_off * height / 2.0 / focal_px)
     top = int(rows[0])
-    if top == 0:
+    # a balcony or cornice cut off by the picture's edge breaks the wall without ending it: above a top it is far
+    if not (profile[:top] > stand_off + settings.recess_m).any():
         return None
     return max(0.0, camera_height_m + float(profile[top]) * (height / 2.0 - top) / focal_px)
 

@@ -45,6 +45,12 @@ def test_the_top_of_a_flat_roof_is_measured_to_a_pixel(top: float) -> None:
     assert _top(_front(_block(top))) == pytest.approx(top, abs=9.0 / 100 * 1.5)
 
 
+def test_a_balcony_cut_off_by_the_pictures_edge_is_not_the_walls_top() -> None:
+    # the picture reaches up to 18 m; the slab's underside at 17.6 m hides the last of the wall
+    slab = _block(17.9, y=-0.65, depth=1.3, bottom=17.6)
+    assert _top(_front(_block(40.0), slab)) is None
+
+
 def test_a_wall_that_reaches_the_pictures_edge_has_its_top_out_of_sight() -> None:
     assert _top(_front(_block(18.5))) is None
 
