@@ -73,9 +73,12 @@ def own_worth(tokens: list[Token], phrase: Phrase) -> float:
         worth -= 1.5 if proper else 0.75
     if phrase.determiner in ("no", "any", "every", "each"):
         worth -= 2.0
-    if head.endswith(("ness", "tion", "ment", "ity", "ism")):
+    if head.endswith(("ness", "tion", "ment", "ity", "ism")) and head not in _SOLID_IN_SPITE:
         worth -= 2.0
     return worth
+
+
+_SOLID_IN_SPITE = words("ornament instrument monument carnation harness")
 
 
 def before(tokens: list[Token], phrase: Phrase, limit: int) -> float:

@@ -81,9 +81,12 @@ NOUN_OR_VERB = words(
     "hard bear plant saw watch stand ring swing float stick drill can light lights wave block guard drop set post "
     "rest match fan play fly bar guide hand hold lock clip sink stamp top well press break catch skip pass stock "
     "like past bit lead wreck fall hook bell nest trap pump mine square round still stool glow scale scales stop "
-    "lift love second"
+    "lift love second figure tap suit throw cover display travel climb"
 )
 """Inside a noun phrase these are nouns ("teddy bear", "hand saw"), elsewhere they are not."""
+
+ADJECTIVE_OR_VERB = words("open easy upright lit hung lost outdoor super cool loose cut bent wound set true fine fast lone")
+"""Right in front of a thing these describe it ("an open umbrella"), elsewhere they are verbs or adverbs."""
 
 GENERIC_OWNERS = words(
     "witch knight child kid pirate baby bird cat dog doll cowboy clown santa king queen wizard fireman firefighter "

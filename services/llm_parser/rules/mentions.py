@@ -260,6 +260,7 @@ class _Finder:
             self._norm(at) == "top"
             and self._norm(at - 1) == "the"
             and self._norm(at + 1) not in ("of", "left", "right")
+            and (self._kind(at + 1) is not Kind.WORD or self._norm(at + 1) in lex.CLOSED)
         ):
             rel = {self._norm(at - 2), self._norm(at - 3)}
             if rel & (_DOWN | {"from"}) or self._norm(at - 2) in ("at", "to"):

@@ -59,11 +59,22 @@ _NO_COMPOUND = (
 )
 
 
+_MADE_OF = words("snow gingerbread tin straw lego plastic wooden clay stone paper rubber inflatable cardboard toy")
+_ALONE_TOO = words("bell heart sun keyboard robot wheel castle elephant pizza cake telephone phone face hand")
+
+
 def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
     head = tokens[phrase.head].norm
-    if head in lex.KIN or head in lex.PEOPLE or phrase.determiner == "another":
+    own = {tokens[i].norm for i in range(phrase.first, phrase.head)}
+    if phrase.determiner == "another":
         return False
+    if head in lex.KIN or head in lex.PEOPLE:
+        return bool(own & _MADE_OF)
     if head not in lex.NON_OBJECTS:
+        return True
+    if phrase.determiner in ("a", "an") and head in _ALONE_TOO:
+        return True
+    if head in lex.PARCEL_NOUNS and own & (lex.COLOURS | {"gift"}):
         return True
     if head in lex.MEASURE_NOUNS and phrase.last > phrase.head + 1:
         return True

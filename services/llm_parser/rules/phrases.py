@@ -119,7 +119,9 @@ class _Chunker:
             return False
         if at > 0 and self._tokens[at - 1].norm in (":", "="):
             return True
-        return self._is_break(at - 1) and self._is_break(at + 2) and self._norm(at) not in _COMMANDS
+        return self._is_break(at - 1) and self._is_break(at + 2) and (
+            self._norm(at) not in _COMMANDS or self._norm(at + 1) in lex.OBJECT_NOUNS - lex.NON_OBJECTS
+        )
 
     def _is_break(self, at: int) -> bool:
         return not 0 <= at < self._size or at in self._taken or self._tokens[at].kind in (Kind.SYMBOL, Kind.STOP)
@@ -186,23 +188,36 @@ class _Chunker:
         if word in lex.NOUN_OR_VERB:
             return in_phrase and self._ambiguous_is_noun(at, word, has_noun)
         if word in lex.CLOSED:
+            if word in lex.ADJECTIVE_OR_VERB or (word in _SIGN_TEXT and self._is_sign_text(at)):
+                opens = in_phrase and not has_noun and word in lex.ADJECTIVE_OR_VERB and self._is_plain(at + 1)
+                return opens or self._is_sign_text(at)
             announced = in_phrase or self._norm(at - 1) in ("with", "near", "beside", "has", "have", "of")
             modifies = word.endswith(("ing", "ed")) and announced and not has_noun
             return modifies and self._is_plain(at + 1)
         if word.endswith("ly") and word not in lex.LY_WORDS:
-            return False
+            before = self._norm(at - 1)
+            return before in lex.ARTICLES or before in lex.COLOURS or before in ("of", "my", "our")
         if has_noun and word.endswith("ing") and word not in lex.ING_NOUNS:
             return self._is_plain(at + 1) or self._norm(at + 1) == "can"
         if has_noun and word.endswith("ed") and word not in lex.ED_WORDS:
             return self._is_plain(at + 1)
         return True
 
+    def _is_sign_text(self, at: int) -> bool:
+        """What a sign says is part of its name: "a no parking sign", "a neon open sign"."""
+        end = at
+        while end < at + 3 and self._norm(end) in _SIGN_TEXT:
+            end += 1
+        start = at
+        while start > at - 3 and self._norm(start - 1) in _SIGN_TEXT | lex.COLOURS:
+            start -= 1
+        return end > at and self._norm(end) in ("sign", "placard") and self._norm(start - 1) in lex.ARTICLES
+
     def _ambiguous_is_noun(self, at: int, word: str, has_noun: bool) -> bool:
         following = self._norm(at + 1)
         before = self._norm(at - 1)
         if word == "can":
-            container = before.endswith("ing") or before in lex.ATTRIBUTES or before in _BEFORE_CAN
-            return container and following not in ("be", "not", "you", "see")
+            return self._is_container_can(at)
         if word in ("past", "second", "like", "well", "still"):
             return word == "well" and before == "wishing"
         if word not in _MAINLY_VERBS:
@@ -210,6 +225,18 @@ class _Chunker:
         if not has_noun:
             return following not in ("the", "a", "my", "me", "you", "it")
         return following not in lex.ARTICLES and following not in ("my", "our", "me", "you", "it")
+
+    def _is_container_can(self, at: int) -> bool:
+        """ "a fuel can stands there", not "the drone can stand there": an auxiliary goes on with a bare verb."""
+        before, following = self._norm(at - 1), self._norm(at + 1)
+        if not (before.endswith("ing") or before in lex.ATTRIBUTES or self._is_plain(at - 1)):
+            return False
+        if before in lex.NON_OBJECTS - lex.PARCEL_NOUNS:
+            return False
+        if following in lex.ADVERBS - _AFTER_THINGS or following in _PERSONAL:
+            return following == "you" and self._norm(at + 2) in lex.AUXILIARIES
+        bare = following in lex.VERBS and not following.endswith(("s", "ing", "ed")) and following not in _PAST_FORMS
+        return not bare and following not in ("be", "do", "have", "not")
 
     def _is_plain(self, at: int) -> bool:
         """An open-class word: surely no verb, preposition or the like."""
@@ -246,6 +273,8 @@ class _Chunker:
             else:
                 return at
             barred = _PLACES_AND_PEOPLE if link == "of" else lex.NON_OBJECTS - lex.SOFT_NOUNS
+            if link == "of" and noun in _DEPICTIONS:
+                barred = words("mine ours")  # anything may be painted, a lady or a house too
             if end <= at + 1 or self._norm(end - 1) in barred:
                 return at
             at = end
@@ -263,7 +292,7 @@ _PLACES_AND_PEOPLE = (
     lex.PEOPLE | lex.ANCHORS | lex.FLOOR_NOUNS | words("building block tower house street side floor mine ours room")
 )
 _MAINLY_VERBS = words(
-    "saw watch drop hold play break skip catch pass love lift press guard rest guide hand stop lead fall"
+    "saw watch drop hold play break skip catch pass love lift press guard rest guide hand stop lead fall figure tap suit throw cover display climb travel"
 )
 _COMMANDS = words("drop ring press hold stop skip watch catch top pass past can")
 _NEVER_FIRST = frozenset(
@@ -271,4 +300,11 @@ _NEVER_FIRST = frozenset(
     for word in lex.CLOSED - lex.DETERMINERS - lex.EVALUATIVE - lex.NOUN_OR_VERB
     if not word.endswith(("ing", "ed"))
 )
-_BEFORE_CAN = words("tin trash garbage oil petrol soda paint spray beer milk cola rubbish water jerry coke")
+_PERSONAL = words("i we you he she it they")
+_AFTER_THINGS = words("there here outside outdoors upright please thanks thx ty cheers bye okay ok now")
+_PAST_FORMS = words("hung stood sat left put set kept found gave stuck")
+_DEPICTIONS = words(
+    "poster picture painting photo photograph drawing portrait print statue statuette figure figurine model sculpture "
+    "sketch cutout silhouette image carving bust tapestry mosaic replica mural"
+)
+_SIGN_TEXT = words("no for open closed keep stop do beware exit go not off out enter sale rent parking")

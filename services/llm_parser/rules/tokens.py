@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from services.llm_parser.rules import spelling
-from services.llm_parser.rules.lexicon import FILLERS, FLOOR_NOUNS, words
+from services.llm_parser.rules.lexicon import ARTICLES, FILLERS, FLOOR_NOUNS, PREPOSITIONS, words
 from services.llm_parser.rules.numbers import CARDINALS, ORDINALS, read_number_words
 
 
@@ -207,8 +207,7 @@ def _number(tokens: list[Token], raw: str, start: int, end: int, sentence: int) 
 def _add_word(tokens: list[Token], raw: str, start: int, sentence: int) -> None:
     if "-" in raw:
         parts = raw.lower().split("-")
-        splits = any(p in FLOOR_NOUNS or p in CARDINALS or p in ORDINALS for p in parts)
-        if splits and "and" not in parts and "-of-" not in raw:
+        if _names_floor(parts):
             offset = start
             for part in raw.split("-"):
                 if part:
@@ -217,6 +216,7 @@ def _add_word(tokens: list[Token], raw: str, start: int, sentence: int) -> None:
             return
     word = raw.lower()
     end = start + len(raw)
+    after_article = bool(tokens) and tokens[-1].norm in ARTICLES
     if word in FILLERS:
         return
     expanded = _EXPANSIONS.get(word)
@@ -224,11 +224,30 @@ def _add_word(tokens: list[Token], raw: str, start: int, sentence: int) -> None:
         expanded = _apostrophe(word) if "'-" not in word else None
     if expanded is None:
         norm, repaired = spelling.repair(word)
+        if after_article and norm in _NEVER_AFTER_ARTICLE:
+            norm, repaired = word, False  # "a bedside lamp" is no slip for "a beside lamp"
         expanded = tuple(norm.split())
     else:
         repaired = False
     for norm in expanded:
         tokens.append(Token(Kind.WORD, norm, start, end, 0, sentence, raw, repaired))
+
+
+_BESIDE_FLOORS = words("ground top upper lower same number window")
+
+
+def _names_floor(parts: list[str]) -> bool:
+    """Is a hyphenated word the name of a floor ("ninth-floor") or a number, and no thing's ("two-handled")?"""
+    numbers = [p in CARDINALS or p in ORDINALS for p in parts]
+    nouns = [p in FLOOR_NOUNS for p in parts]
+    told = (any(numbers) and any(nouns)) or all(numbers)
+    return told or (
+        (any(numbers) or any(nouns))
+        and all(n or m or p in _BESIDE_FLOORS for p, n, m in zip(parts, numbers, nouns, strict=True))
+    )
+
+
+_NEVER_AFTER_ARTICLE = PREPOSITIONS - words("next opposite close closest nearest adjacent outside inside")
 
 
 def _apostrophe(word: str) -> tuple[str, ...]:
