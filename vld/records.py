@@ -33,7 +33,8 @@ class Task(Wire):
 
     `target` is the goal window's centre (or the goal object's, where it stands free), metres ENU; `target_height_m` its
     height. `shortest_*` is the shortest collision-free way from the start to a place where the delivery would succeed.
-    `corners` counts the building's corners on that way; `difficulty` follows from it.
+    `corners` counts the building's corners between the starting facade and the target's, the shorter way round;
+    `difficulty` follows from it.
     """
 
     id: Name

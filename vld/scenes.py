@@ -23,8 +23,10 @@ START_Z_M = 1.2
 _START_ROOM_M = 5.0
 
 
-def build_scene(spec: SceneSpec, seed: int, catalogue: Catalogue) -> Scene:
+def build_scene(spec: SceneSpec, seed: int, catalogue: Catalogue, *, building_seed: int | None = None) -> Scene:
     """The scene of a plan; `catalogue` says which things there are and where they may stand.
+
+    Scenes of one `building_seed` (without it: of one `seed`) and one plan share their buildings.
 
     Raises UnbuildableScene where the plan cannot stand: a class or colour the catalogue hasn't got, a facade without
     windows, a start that is hemmed in.
@@ -32,8 +34,9 @@ def build_scene(spec: SceneSpec, seed: int, catalogue: Catalogue) -> Scene:
     plan = outline(spec.footprint)
     if spec.start_facade >= len(plan):
         raise UnbuildableScene(f"a {spec.footprint.shape} has facades 0..{len(plan) - 1}, not {spec.start_facade}")
-    target = _target(spec, plan, _chance(seed, "target"))
-    around = surround(spec, plan, _chance(seed, "around"))
+    standing = seed if building_seed is None else building_seed
+    target = _target(spec, plan, _chance(standing, "target"))
+    around = surround(spec, plan, _chance(standing, "around"))
     placer = Placer(spec, target, around.neighbours, catalogue, _chance(seed, "objects"))
     goal = placer.goal()
     decoys = tuple(placer.decoy(d) for d in spec.decoys)

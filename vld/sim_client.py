@@ -16,7 +16,18 @@ from pydantic import BaseModel
 
 from contracts.geometry import Heading
 from contracts.scene import Scene
-from contracts.sim import Catalogue, Episode, EpisodeQuestion, Move, MoveResult, Observation, Truth, TruthQuestion
+from contracts.sim import (
+    Catalogue,
+    Claim,
+    Episode,
+    EpisodeQuestion,
+    Move,
+    MoveResult,
+    Observation,
+    Truth,
+    TruthQuestion,
+    Verdict,
+)
 
 M = TypeVar("M", bound=BaseModel)
 _TIMEOUT_S = 120.0
@@ -48,6 +59,9 @@ class SimClient:
 
     def move(self, episode: str, number: int, move: Move) -> MoveResult:
         return self._call("PUT", f"/v1/episodes/{episode}/moves/{number}", move, MoveResult)
+
+    def claim(self, episode: str, claim: Claim) -> Verdict:
+        return self._call("POST", f"/v1/episodes/{episode}/claim", claim, Verdict)
 
     def close(self, episode: str) -> None:
         self._send("DELETE", f"/v1/episodes/{episode}", None)

@@ -1,0 +1,97 @@
+"""A task's shortest ways: round the footprints on the plan, to the nearest place where the delivery would succeed."""
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from contracts.geometry import Point3
+from contracts.scene import Scene, WindowPlace
+from contracts.scene_layout import WindowSlot, floor_outline, window_slot
+from navigation.shortest_path import NoWay, Route, VisibilityGraph
+
+CLEARANCES_M = (0.8, 1.3, 1.8, 2.4)
+"""Tried in turn until a flight proves the way free: balconies and eaves jut out of the footprint."""
+SUCCESS_RADIUS_M = 3.0
+_INSIDE_M = 0.05
+_FAN_DEG = range(-60, 61, 5)
+
+
+class ShortestWay(NamedTuple):
+    """`path` from the start (left out) to the stop, climbing evenly; lengths in metres. `clearance_m` was kept from
+    every wall on the plan."""
+
+    horizontal_m: float
+    spatial_m: float
+    path: tuple[Point3, ...]
+    clearance_m: float
+
+
+def goal_slot(scene: Scene) -> WindowSlot:
+    """The customer's window. Raises ValueError where the goal stands at none."""
+    place = next((o.place for o in scene.objects if o.id == scene.goal), None)
+    if not isinstance(place, WindowPlace):
+        raise ValueError(f"scene {scene.name} has no goal at a window")
+    return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
+
+
+def ways(scene: Scene) -> Iterator[ShortestWay]:
+    """The shortest way for each of CLEARANCES_M for which there is one.
+
+    It ends at the height of the window's centre, at most 60 degrees aside of its normal and just inside the radius of
+    success. Between start and stop the drone climbs evenly, so that the spatial length is the hypotenuse over the
+    horizontal one.
+    """
+    slot = goal_slot(scene)
+    start = scene.start.position
+    outlines = obstacles(scene, slot)
+    for clearance in CLEARANCES_M:
+        stops = [s for s in _stops(slot) if _out_m(slot, s) >= clearance]
+        graph = VisibilityGraph(outlines, clearance)
+        # from the stops to the start: one search for all of them
+        found = graph.routes(stops, (start.x, start.y))
+        free = [
+            (route, stop)
+            for route, stop in zip(found, stops, strict=True)
+            if not isinstance(route, NoWay) and _ends_straight(route)
+        ]
+        if free:
+            route, _ = min(free, key=lambda pair: pair[0].length_m)
+            yield _climbing(route, start, slot.centre[2], clearance)
+
+
+def obstacles(scene: Scene, slot: WindowSlot) -> list[tuple[tuple[float, float], ...]]:
+    """Ground plans in the drone's way: the target as it is at the goal's floor, and its neighbours."""
+    target = scene.building(scene.target)
+    others = [b for b in scene.buildings if b.id != scene.target]
+    return [floor_outline(target, slot.floor), *(floor_outline(b, 1) for b in others)]
+
+
+def _stops(slot: WindowSlot) -> list[tuple[float, float]]:
+    reach = SUCCESS_RADIUS_M - _INSIDE_M
+    stops = []
+    for degrees in _FAN_DEG:
+        out, aside = reach * math.cos(math.radians(degrees)), reach * math.sin(math.radians(degrees))
+        x, y = (slot.centre[i] + slot.normal[i] * out + slot.along[i] * aside for i in (0, 1))
+        stops.append((x, y))
+    return stops
+
+
+def _out_m(slot: WindowSlot, place: tuple[float, float]) -> float:
+    return sum((place[i] - slot.centre[i]) * slot.normal[i] for i in (0, 1))
+
+
+def _ends_straight(route: Route) -> bool:
+    """The graph steps an end that is shut in away from the wall; such a stop is not free."""
+    return len(route.waypoints) < 2 or math.dist(route.waypoints[0], route.waypoints[1]) > 1e-3
+
+
+def _climbing(route: Route, start: Point3, z: float, clearance_m: float) -> ShortestWay:
+    corners = route.waypoints[::-1]
+    path = []
+    gone = 0.0
+    for before, here in pairwise(corners):
+        gone += math.dist(before, here)
+        share = gone / route.length_m if route.length_m else 1.0
+        path.append(Point3(x=here[0], y=here[1], z=start.z + share * (z - start.z)))
+    return ShortestWay(route.length_m, math.hypot(route.length_m, z - start.z), tuple(path), clearance_m)
