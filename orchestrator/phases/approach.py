@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from contracts.depth_assist import ApproachAnswer, ApproachQuestion
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ApproachSettings
 from contracts.geometry import Box, Point3, Pose
 from orchestrator.phases.explore import Exploration, Found
 from orchestrator.sighting import project
@@ -13,7 +13,8 @@ MAX_LEGS = 8
 LOOK_AGAIN_M = 5.0
 LONGEST_LEG_M = 8.0
 SAME_THING_M = 2.0
-NEAR_ENOUGH_M = 1.0
+NEAR_ENOUGH_M = 0.8
+TIGHT_CLEARANCE_M = 0.25
 
 
 class Arrived(NamedTuple):
@@ -45,14 +46,14 @@ async def approach(exploration: Exploration, found: Found) -> Arrived | Lost:
 
 async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Arrived | Lost:
     sortie = exploration.sortie
-    confirmed = False
+    settings = sortie.settings.approach
+    confirmed, tight = False, False
     look, sight, box = found.look, found.sight, found.sighting.match.box
     for leg in range(1, MAX_LEGS + 1):
         far = distance_m(look.pose, found.place)
-        way = await _way(sortie, look, sight, box, far, confirmed)
+        way = await _way(sortie, look, sight, box, far, confirmed, settings)
         if way.status != "clear":
-            near = sortie.settings.approach.stop_distance_m + NEAR_ENOUGH_M
-            if confirmed and far <= near:
+            if tight or (confirmed and far <= settings.stop_distance_m + NEAR_ENOUGH_M):
                 return Arrived(found.place)
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
             return Lost(found.place, f"leg {leg}: {why}", way.status == "blocked")
@@ -68,18 +69,25 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
             sight, box = again.sight, again.sighting.match.box
         elif not confirmed:
             return Lost(found.place, f"not seen again from {distance_m(look.pose, found.place):.1f} m")
-        elif not way.reached:
+        else:
             # confirmed before: a thing may leave the picture or the model's grasp as it gets near, its place does not
             remembered = project(found.place, found.sighting.extent, look) if found.sighting.extent else None
             if remembered is None:
-                return Lost(found.place, f"leg {leg}: out of sight")
+                return Arrived(found.place) if way.reached else Lost(found.place, f"leg {leg}: out of sight")
             sight, box = remembered
         if way.reached and confirmed:
-            return Arrived(found.place)
+            far = distance_m(look.pose, found.place)
+            if tight or far <= settings.stop_distance_m + NEAR_ENOUGH_M:
+                return Arrived(found.place)
+            # a balcony or eaves beside the window kept the drone off: in still air less room will do for the last metre
+            tight = True
+            settings = settings.model_copy(update={"clearance_m": min(settings.clearance_m, TIGHT_CLEARANCE_M)})
     return Lost(found.place, f"not there after {MAX_LEGS} legs")
 
 
-async def _way(sortie: Sortie, look: Look, sight: Sight, box: Box, far_m: float, confirmed: bool) -> ApproachAnswer:
+async def _way(
+    sortie: Sortie, look: Look, sight: Sight, box: Box, far_m: float, confirmed: bool, settings: ApproachSettings
+) -> ApproachAnswer:
     """The next leg: to where a second look is worth it, and once that confirmed the object, all the way."""
     leg_m = LONGEST_LEG_M if confirmed else min(LONGEST_LEG_M, far_m - LOOK_AGAIN_M)
     question = ApproachQuestion(
@@ -87,7 +95,7 @@ async def _way(sortie: Sortie, look: Look, sight: Sight, box: Box, far_m: float,
         others=look.depth_beside(sight, reach_deg=90),
         box=box,
         pose=sight.pose,
-        settings=sortie.settings.approach,
+        settings=settings,
         max_leg_m=leg_m if leg_m > 1.0 else LONGEST_LEG_M,
     )
     answer = await sortie.timed("approach", sortie.ports.depth.approach(question))
