@@ -33,10 +33,13 @@ _DELIVER = words(
 )
 _BOTH_WAYS = words("put puts placed place set left")
 """What the drone is told to do with the parcel, and what the customer did with the mark."""
+_WANTING = words("want wanting need needing after")
 _COMMANDING = words("please and you to kindly just or then , be it")
 _PUT_OUT = words("put placed place hung set stuck tied left installed mounted taped parked propped hooked fixed")
+_FASTENED = words("hung stuck tied installed mounted taped propped hooked fixed fastened attached nailed pinned glued")
+_LOST = words("carried blew took ripped threw swept tore gave")
 _HAVE = words(
-    "has have having got keep keeps kept with 's shows displays displaying features featuring bearing sports bears "
+    "has have having got own owns keep keeps kept with 's shows displays displaying features featuring bearing sports bears "
     "carries boasts showing holds wearing holding"
 )
 _HOUSEHOLD = words("she he they dad mum mom mummy daddy wife husband son daughter sister brother grandma grandpa")
@@ -95,7 +98,7 @@ def before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     sentence = tokens[phrase.lead].sentence
     farther = [t.norm for t in tokens[max(0, phrase.lead - 16) : phrase.lead] if t.sentence == sentence]
     if _delivered(back, bool(set(farther) & _SELF)):
-        score -= 2.0 if "bought" in back[:3] else 5.0
+        score -= 2.0 if set(back[:3]) & {"bought", "brought"} else 5.0
     return score
 
 
@@ -104,6 +107,8 @@ def _sought(back: list[str]) -> float:
     first, near = back[0], set(back[:4])
     score = 0.0
     looks = near & _SEEK and (first in _SEEK or first in ("for", "out", "at") or "for" in back[:3])
+    looks = looks or (first in ("on", "for") and back[1] in ("eye", "eyes"))
+    looks = looks or (first in _WANTING and bool(set(back[1:4]) & {"you"}) and "do" not in back[1:4])
     if looks or near & _LOOK:
         score += 4.0
     if first in (":", "=", "-") and any(w in _LOOK | _PLACES for w in back[1:3]):
@@ -120,6 +125,10 @@ def _sought(back: list[str]) -> float:
 def _had(back: list[str]) -> float:
     """ "my window has a ...", "the one with a ...", "we've got a ..."."""
     first, second = back[0], back[1]
+    if first == "of" and second in lex.ANCHORS:
+        return 4.0
+    if first in _HAVE and _of_building(back):
+        return -2.0
     if first not in _HAVE and not (first in ("up", "out") and second in _HAVE):
         apart = set(back[1:5]) & words("have has got") and set(back[:4]) & lex.ANCHORS
         return 3.0 if apart else 0.0
@@ -133,17 +142,33 @@ def _had(back: list[str]) -> float:
     return 3.0 if hosts & _SELF else 2.0
 
 
+def _of_building(back: list[str]) -> bool:
+    """ "the tower with the ...": the nearest place in front is a whole building."""
+    for word in back[1:5]:
+        if word in lex.ANCHORS or word in _SELF or word in ("flat", "one", "apartment"):
+            return False
+        if word in lex.BUILDINGS:
+            return True
+    return False
+
+
 def _placed(back: list[str]) -> float:
     """ "next to the ...", "I put a ...", "at the window she put a ..."."""
     first, second = back[0], back[1]
     score = 0.0
     beside = first in ("to", "of", "from") and second in ("next", "close", "adjacent", "front", "left", "right", "side")
+    if (first in _NEAR or beside) and second in lex.BUILDINGS:
+        return -2.0
     if first in _NEAR or beside:
         score += 4.0 if set(back[1:6]) & lex.ANCHORS else 3.0
     if set(back[:3]) & _PUT_OUT and set(back[1:5]) & _SELF:
         score += 3.0
     elif first in _PUT_OUT | {"puts", "hangs"} and set(back[1:4]) & _HOUSEHOLD:
         score += 2.0
+    elif first in _FASTENED or (first == "down" and second in _FASTENED):
+        score += 2.0
+    if first in ("off", "away") and second in _LOST:
+        score -= 5.0
     if first not in _HAVE and set(back[1:7]) & lex.ANCHORS and set(back[2:8]) & {"at", "on", "by", "in"}:
         score += 1.0
     return score
@@ -158,6 +183,8 @@ def _stands(back: list[str]) -> float:
         return 3.0
     if first in _STANDING or (first == "is" and set(back[1:3]) & (_LOOK | lex.ANCHORS)):
         return 3.0
+    if first in ("is", "was") and second in lex.PARCEL_NOUNS:
+        return -4.0
     if first == "is" and (set(back[1:6]) & {"thing", "something", "my", "our"}):
         return 1.0
     if first in ("is", "be", "are", "'s"):
@@ -179,6 +206,8 @@ def _delivered(back: list[str], told: bool) -> bool:
     ):
         return True
     for depth, word in enumerate(back[:5]):
+        if word in _WANTING and depth == 0 and "you" in back[1:4]:
+            return False
         if word in _DELIVER:
             subject = back[depth + 1]
             ours = subject == "and" and told
@@ -193,15 +222,23 @@ _BETWEEN = words("me us up off over to for please just you kindly out the my")
 
 def alone(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> float:
     """A phrase that is a clause by itself: "The bicycle wheel." or "5th floor, bicycle wheel, thanks"."""
-    front, behind = phrase.lead - 1, phrase.last
+    front = phrase.lead - 1
     if front > 0 and tokens[front].norm in ("and", "so", "then", "plus"):
         front -= 1
     opens = front < 0 or tokens[front].kind in _BREAKS or front in taken
-    closes = behind >= len(tokens) or tokens[behind].kind in _BREAKS or behind in taken
     substance = phrase.determiner or phrase.last - phrase.first > 1 or own_worth(tokens, phrase) > 0
-    if opens and closes and substance:
+    if substance and is_clause(tokens, phrase, taken):
         return 1.25
     return 0.75 if opens and phrase.determiner in ("a", "an") else 0.0
+
+
+def is_clause(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> bool:
+    """Do breaks or floors stand on both sides of the phrase? A joining "and" in front is passed over."""
+    front, end = phrase.lead - 1, phrase.last
+    if front > 0 and tokens[front].norm in ("and", "so", "then", "plus"):
+        front -= 1
+    opens = front < 0 or tokens[front].kind in _BREAKS or front in taken
+    return opens and (end >= len(tokens) or tokens[end].kind in _BREAKS or end in taken)
 
 
 def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
@@ -238,6 +275,10 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 2.5
     if first in ("is", "are") and second in _IS_THERE:
         score += 2.0
+    if first in ("is", "are") and second in ("the", "my", "our", "a", "your") and ahead[2:3] and ahead[2] in _LANDMARKS:
+        score += 3.5
+    if "instead" in ahead[:2]:
+        score += 2.0
     if first == "do":
         score += 1.5
     if first == "is" and second == "for":
@@ -245,9 +286,13 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     return score
 
 
+_LANDMARKS = words("landmark mark marker sign signal beacon clue guide hint")
 _WANTED = words("find see look spot want need keep kept put placed hung")
 _IS_THERE = words("still at by outside in on hanging visible mine my right")
 _SUBJECT_VERBS = words("is 's still now sits stands hangs has marks shines lives stays")
+
+
+_SINCE = (["'s", "been", "at"], ["is", "been", "at"], ["has", "been", "at"], ["is", "now", "at"], ["is", "still", "at"])
 
 
 def _said_of_it(tokens: list[Token], phrase: Phrase) -> float:
@@ -260,6 +305,8 @@ def _said_of_it(tokens: list[Token], phrase: Phrase) -> float:
             if stops > 2:
                 return 0.0
         if tokens[at].norm == "it" and tokens[at + 1].norm in _SUBJECT_VERBS:
+            if [t.norm for t in tokens[at + 1 : at + 4]] in _SINCE:
+                return 3.0
             rest = [t.norm for t in tokens[at + 1 : at + 10] if t.sentence == tokens[at].sentence]
             if set(rest) & lex.ANCHORS and set(rest) & lex.MY and rest[1:2] != ["the"]:
                 return 3.0 if stops < 2 else 2.0

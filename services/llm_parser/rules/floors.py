@@ -13,6 +13,8 @@ _PREDICATES = words(
 )
 _PERSONS_AND_PLACES = lex.ANCHORS | lex.DWELLINGS | words("i we us me")
 _GO_THERE = words("deliver bring send come go fly take drop leave route now live proceed head climb reach")
+_WENT = words("went came landed rang walked knocked climbed flew")
+_OWN_NOW = words("i we my our now please")
 _GOODS = words("order parcel package delivery this that it")
 _AFTER_NO = words("the it on that is floor level not")
 
@@ -60,6 +62,8 @@ def _in_context(tokens: list[Token], found: tuple[FloorMention, ...], index: int
         score += 3.0
     following = tokens[mention.last].norm if mention.last < len(tokens) else ""
     if following in _PREDICATES and not back & _PERSONS_AND_PLACES:
+        score -= 3.0
+    if back & _WENT and not back & _OWN_NOW:
         score -= 3.0
     if "press" in back:
         score -= 3.0

@@ -75,22 +75,35 @@ VERBS = words(
     "turned use used using visit wait waiting waits walk want wanted wants warn watch watches wave waves went wish "
     "wonder wondering work works working worry write writing wrote written appreciate belong belongs bothering "
     "distinguishes decorates welcomes greets adorns faces faced hits reads peeking peeks dangles dangling flutters "
-    "swings sways lights glows appears sings"
+    "swings sways lights glows appears sings met ran ate drank drove rode sang swam threw wore woke grew drew fed fought "
+    "froze hid laid lent rang shut slept slid spent spoke stole struck swept swore taught tore understood became began "
+    "blew broke bump bumped carried fastened won owns adorned attached rely depends depend shall suppose supposed "
+    "swallow replied reply rate rates judge regret"
 )
 NOUN_OR_VERB = words(
     "hard bear plant saw watch stand ring swing float stick drill can light lights wave block guard drop set post "
     "rest match fan play fly bar guide hand hold lock clip sink stamp top well press break catch skip pass stock "
     "like past bit lead wreck fall hook bell nest trap pump mine square round still stool glow scale scales stop "
-    "lift love second figure tap suit throw cover display travel climb"
+    "lift love second speed figure tap suit throw cover display travel climb"
 )
 """Inside a noun phrase these are nouns ("teddy bear", "hand saw"), elsewhere they are not."""
 
 ADJECTIVE_OR_VERB = words("open easy upright lit hung lost outdoor super cool loose cut bent wound set true fine fast lone")
 """Right in front of a thing these describe it ("an open umbrella"), elsewhere they are verbs or adverbs."""
 
+DEPICTIONS = words(
+    "poster picture painting photo photograph drawing portrait print statue statuette figure figurine model sculpture "
+    "sketch cutout silhouette image carving bust tapestry mosaic replica mural"
+)
+"""What these are "of" may be anything, a lady or a house too."""
+FIGURE_STUFF = words("snow gingerbread tin straw lego plastic wooden clay stone paper rubber inflatable cardboard toy")
+"""A man of this is a thing."""
+
+BUILDINGS = words("building block tower house street road complex skyscraper shop hotel school office estate")
+
 GENERIC_OWNERS = words(
     "witch knight child kid pirate baby bird cat dog doll cowboy clown santa king queen wizard fireman firefighter "
-    "sailor chef men women children ladies artist painter soldier viking builder miner fisherman valentine st"
+    "sailor chef workman ship captain butcher baker barber farmer gardener magician shepherd postman policeman men women children ladies artist painter soldier viking builder miner fisherman valentine st"
 )
 """In front of "'s" these say what kind of thing it is ("a witch's broom"), not whose it is."""
 
@@ -119,7 +132,7 @@ ADVERBS = words(
     "recently permanently temporarily definitely certainly probably possibly simply directly immediately gently "
     "safely mainly particularly especially roughly approximately partly mostly i.e e.g etc vs lest mate darling "
     "love buddy pal friend sir madam dude bro captain sweetheart honey hun kiddo hurrah hooray cool awesome super "
-    "ha aha ooh phew whoops oops oopsie ugh yikes hm welp innit k u ur r ya yea yeh ye thru"
+    "anyhow hereby herewith dest soo ha aha ooh phew whoops oops oopsie ugh yikes hm welp innit k u ur r ya yea yeh ye thru"
 )
 NUMBERISH = words("number numbers no. nr num #")
 TIMES = words(
@@ -184,6 +197,7 @@ NON_OBJECTS = (
         "basement penthouse total maximum minimum maintenance attention attn recipient sender subject department "
         "party eyesore nose spectacle disgrace tragedy masterpiece thank bless anyone knocking ring ringing "
         "wheelchair knee ankle leg back typos typo screen scren keyboard form forms button buttons panel look truth "
+        "apology revenge reward course guests streets mortal coordinates excuse pleasure wish "
         "one ones other others latter former rest none lots plenty dozen pair tops news earth god goodness heaven "
         "sake mission applause hello goodbye cheers noon meter battery signal yes mom's bell hint clue tip"
     )

@@ -134,7 +134,7 @@ class _Finder:
             if plural and self._norm(noun + 1) in ("up", "high") and not self._is_base_ahead(noun + 2):
                 self._add(at, noun + 2, value, 3.5)
                 return noun + 2 - at
-            if self._norm(noun + 1) in _UP | _DOWN:
+            if self._norm(noun + 1) in _UP | _DOWN and not (plural and before in ("and", "has", "have", "with")):
                 return 0
             if plural or following & _BUILDINGS or (before in ("a", "an", "this", "the") and following & {"tall"}):
                 self.taken.update(range(at, noun + 1))
@@ -224,12 +224,17 @@ class _Finder:
             kind = self._kind(ahead)
             if kind is Kind.CARDINAL or kind is Kind.ORDINAL:
                 return self._after_noun(at, ahead)
-            if self._norm(ahead) not in _LINKS:
+            if self._norm(ahead) not in _LINKS and not (ahead == at + 1 and self._is_label(at)):
                 break
             ahead += 1
         if self._kind(at + 1) is Kind.FLOOR_CODE:
             return 0
         return 0
+
+    def _is_label(self, at: int) -> bool:
+        """ "Floor, twenty-eight." """
+        breaks = (Kind.STOP, Kind.SYMBOL, None)
+        return self._norm(at + 1) == "," and self._kind(at - 1) in breaks and self._kind(at + 3) in breaks
 
     def _after_noun(self, at: int, ahead: int) -> int:
         token = self._tokens[ahead]

@@ -12,6 +12,9 @@ from services.llm_parser.rules.tokens import Kind, Token
 THRESHOLD = 0.7
 """A phrase for which less speaks than this is not taken: a missing object is said, not guessed."""
 
+LEAST = -1.1
+"""What stands alone in a request as the only thing named may have this little, and nothing that denies it."""
+
 MOST_THINGS = 100
 """So many things of a request are weighed; nobody's window needs more, and the work stays bounded."""
 
@@ -31,6 +34,8 @@ def choose_object(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
     good = [s for s in scored if s.score >= THRESHOLD]
     if not good:
         good = [replace(s, score=s.score + s.doubt) for s in scored if s.score + s.doubt >= THRESHOLD + 1.0]
+    if not good:
+        good = [s for s in scored if _stands_alone(tokens, s, taken)]
     if not good:
         return None
     best = max(good, key=lambda s: s.score).phrase
@@ -59,7 +64,17 @@ _NO_COMPOUND = (
 )
 
 
-_MADE_OF = words("snow gingerbread tin straw lego plastic wooden clay stone paper rubber inflatable cardboard toy")
+def _stands_alone(tokens: list[Token], scored: ScoredPhrase, taken: Set[int]) -> bool:
+    """May a phrase be the mark for want of any better: said with an article and like a thing, or a clause of its own?"""
+    phrase = scored.phrase
+    head = tokens[phrase.head]
+    long = phrase.last - phrase.first > 1
+    if phrase.determiner in ("a", "an") or (phrase.determiner == "the" and (long or cues.own_worth(tokens, phrase) > 0)):
+        return scored.score >= LEAST and phrase.head != 0
+    named = head.raw[:1].isupper() and phrase.lead > 0
+    return scored.score >= -0.25 and cues.is_clause(tokens, phrase, taken) and not named and len(head.norm) > 2
+
+
 _ALONE_TOO = words("bell heart sun keyboard robot wheel castle elephant pizza cake telephone phone face hand")
 
 
@@ -69,7 +84,7 @@ def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
     if phrase.determiner == "another":
         return False
     if head in lex.KIN or head in lex.PEOPLE:
-        return bool(own & _MADE_OF)
+        return bool(own & lex.FIGURE_STUFF)
     if head not in lex.NON_OBJECTS:
         return True
     if phrase.determiner in ("a", "an") and head in _ALONE_TOO:

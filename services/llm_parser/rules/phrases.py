@@ -62,6 +62,8 @@ class _Chunker:
         lead = at
         determiner = ""
         while at - lead < 4 and self._norm(at) in lex.DETERMINERS and self._tokens[at].is_word:
+            if at > lead and self._is_sign_text(at):
+                break
             determiner = self._norm(at)
             at += 1
         if determiner == "" and self._is_verb_form(at):
@@ -120,7 +122,7 @@ class _Chunker:
         if at > 0 and self._tokens[at - 1].norm in (":", "="):
             return True
         return self._is_break(at - 1) and self._is_break(at + 2) and (
-            self._norm(at) not in _COMMANDS or self._norm(at + 1) in lex.OBJECT_NOUNS - lex.NON_OBJECTS
+            self._norm(at) not in _COMMANDS or self._norm(at + 1) in words("sign hat")
         )
 
     def _is_break(self, at: int) -> bool:
@@ -185,6 +187,8 @@ class _Chunker:
         word = self._norm(at)
         if word == "'s":
             return False
+        if word.endswith("s") and self._norm(at - 1) in _HOLDERS and self._norm(at + 1) in ("a", "an"):
+            return False  # "the window bears a ..."
         if word in lex.NOUN_OR_VERB:
             return in_phrase and self._ambiguous_is_noun(at, word, has_noun)
         if word in lex.CLOSED:
@@ -249,9 +253,12 @@ class _Chunker:
 
     def _skip_anchor(self, first: int, end: int, determiner: str) -> int:
         """In "window red kite" without any article, the place is no part of the thing."""
-        following = self._norm(first + 1) in lex.ATTRIBUTES
-        if not determiner and end - first > 1 and self._norm(first) in lex.ANCHORS and following:
+        if determiner or end - first <= 1:
+            return first
+        if self._norm(first) in lex.ANCHORS and self._norm(first + 1) in lex.ATTRIBUTES:
             return first + 1
+        if self._norm(first) in _MARKS and self._is_break(first - 1):
+            return first + 1  # "Marker blue vase."
         return first
 
     def _extend(self, at: int, head: int) -> int:
@@ -273,7 +280,7 @@ class _Chunker:
             else:
                 return at
             barred = _PLACES_AND_PEOPLE if link == "of" else lex.NON_OBJECTS - lex.SOFT_NOUNS
-            if link == "of" and noun in _DEPICTIONS:
+            if link == "of" and noun in lex.DEPICTIONS:
                 barred = words("mine ours")  # anything may be painted, a lady or a house too
             if end <= at + 1 or self._norm(end - 1) in barred:
                 return at
@@ -292,7 +299,7 @@ _PLACES_AND_PEOPLE = (
     lex.PEOPLE | lex.ANCHORS | lex.FLOOR_NOUNS | words("building block tower house street side floor mine ours room")
 )
 _MAINLY_VERBS = words(
-    "saw watch drop hold play break skip catch pass love lift press guard rest guide hand stop lead fall figure tap suit throw cover display climb travel"
+    "saw watch drop hold play break skip catch pass love lift press guard rest guide hand stop lead fall figure tap suit throw cover display climb travel speed"
 )
 _COMMANDS = words("drop ring press hold stop skip watch catch top pass past can")
 _NEVER_FIRST = frozenset(
@@ -300,11 +307,9 @@ _NEVER_FIRST = frozenset(
     for word in lex.CLOSED - lex.DETERMINERS - lex.EVALUATIVE - lex.NOUN_OR_VERB
     if not word.endswith(("ing", "ed"))
 )
+_HOLDERS = lex.ANCHORS | words("flat apartment facade façade unit house")
+_MARKS = words("marker mark landmark identifier beacon")
 _PERSONAL = words("i we you he she it they")
 _AFTER_THINGS = words("there here outside outdoors upright please thanks thx ty cheers bye okay ok now")
 _PAST_FORMS = words("hung stood sat left put set kept found gave stuck")
-_DEPICTIONS = words(
-    "poster picture painting photo photograph drawing portrait print statue statuette figure figurine model sculpture "
-    "sketch cutout silhouette image carving bust tapestry mosaic replica mural"
-)
 _SIGN_TEXT = words("no for open closed keep stop do beware exit go not off out enter sale rent parking")

@@ -83,6 +83,16 @@ _DENIALS = (
     "not try there",
     "not of",
     "used to be",
+    "been removed",
+    "was removed",
+    "been replaced",
+    "was replaced",
+    "been taken",
+    "was taken",
+    "previously used",
+    "formerly used",
+    "with her which",
+    "with him which",
 )
 _CONFIRMATIONS = (
     "that is us",

@@ -69,6 +69,8 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.NEIGHBOUR
     if word in ("else", "else's") and before in _SOMEBODY:
         return Owner.NEIGHBOUR
+    if word in lex.PEOPLE and _is_figure(tokens, at):
+        return None
     if word in lex.PEOPLE or word in ("hers", "theirs") or (word == "door" and before == "next"):
         return Owner.NEIGHBOUR
     if word in _RESET or (word == "it" and following in ("is", "'s")):
@@ -86,6 +88,15 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
     if owns and word not in _PLAIN_HOSTS and (at + 2 >= len(tokens) or tokens[at + 2].norm != "it"):
         return Owner.SOMEONE
     return None
+
+
+def _is_figure(tokens: list[Token], at: int) -> bool:
+    """ "a snow man", "the portrait of a lady": no person."""
+    before = [t.norm for t in tokens[max(0, at - 4) : at]]
+    painted = len(before) >= 2 and any(
+        before[k] in lex.DEPICTIONS and before[k + 1] == "of" for k in range(len(before) - 1)
+    )
+    return painted or (bool(before) and before[-1] in lex.FIGURE_STUFF)
 
 
 _AVOID = words(

@@ -113,7 +113,7 @@ _LONG_TARGETS = sorted(
 )
 
 _PROTECTED = words(
-    "donut donuts placard placards shield shields tank tanks bench wreath bread thread whisk tile tiles hood "
+    "bedside brolly donut donuts placard placards shield shields tank tanks bench wreath bread thread whisk tile tiles hood "
     "lantern lanterns lattice knight height apron inlet flair throne thorn liver linen novel bevel waffle rooster "
     "boaster coaster toaster stereo stork cornet bonnet behave lilac lotus loom floss flask flake flock finch "
     "hearth sleigh sloth lasso hanger wander window willow wallow walnut widget pantry cello celery grass brass "
