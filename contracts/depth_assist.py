@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from contracts.base import Metres, Unit, Wire
-from contracts.geometry import Box, Heading, Point3, PointLabel, Pose
+from contracts.geometry import Box, Heading, Point2, Point3, PointLabel, Pose
 from contracts.images import DepthMap
 
 Positive = Annotated[float, Field(gt=0.0, le=10_000.0)]
@@ -19,10 +19,11 @@ class ViewDepth(Wire):
 
 
 class ViewpointSettings(Wire):
-    """Free constants of eq. 4-6. `d_max_m` is where the search of `d_max` starts; each step without a valid split
-    raises it by `d_max_step_m` up to `d_max_limit_m`, and a valid split resets it."""
+    """Free constants of eq. 4-6; the policy `contour` is the explorer of `ExploreQuestion` and reads none of them.
+    `d_max_m` is where the search of `d_max` starts; each step without a valid split raises it by `d_max_step_m` up to
+    `d_max_limit_m`, and a valid split resets it."""
 
-    policy: Literal["paper", "random", "default"] = "paper"
+    policy: Literal["paper", "random", "default", "contour"] = "paper"
     direction: Literal["clockwise", "counterclockwise"] = "clockwise"
     slices: int = Field(default=20, ge=4, le=200)
     delta_m: Positive = 6.0
@@ -158,3 +159,65 @@ class ApproachAnswer(Wire):
     reached: bool = False
     target_distance_m: float | None = None
     free_distance_m: float | None = None
+
+
+class ExploreSettings(Wire):
+    """Free constants of the contour explorer. A move is at most `l_max_m` long, at least `min_move_m`, and keeps
+    `clearance_m` beyond the drone's radius, `tight_clearance_m` where there is no more room. Facade counts as inspected
+    that a stop saw from up to `inspect_range_m` and at most `inspect_incidence_deg` from its normal: what the
+    recogniser can be trusted with."""
+
+    l_max_m: Positive = 10.0
+    min_move_m: Positive = 1.0
+    drone_radius_m: Positive = 0.35
+    clearance_m: Metres = 1.5
+    tight_clearance_m: Metres = 0.95
+    sensor_range_m: Positive = 60.0
+    inspect_range_m: float = Field(default=11.5, ge=4.0, le=40.0)
+    inspect_incidence_deg: float = Field(default=62.0, ge=20.0, le=80.0)
+
+
+class ExploreQuestion(Wire):
+    """The views of one moment and the measured pose they were taken at; those of -90, 0 and 90 degrees make the map,
+    all of them check the way. `map` is what the last answer handed back, null at the first step, when the target
+    building lies ahead, within `building_box`'s width if there is one."""
+
+    views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=5)
+    pose: Pose
+    map: str | None = Field(default=None, min_length=4, max_length=1024 * 1024)
+    building_box: Box | None = None
+    settings: ExploreSettings = ExploreSettings()
+
+
+PlanPoint = tuple[float, float]
+"""East and north in metres, for drawing."""
+
+
+class ExploreDrawing(Wire):
+    """The map's facade as plan points, a cell of `cell_m` each, and the way planned beyond the next stop."""
+
+    cell_m: float
+    inspected: tuple[PlanPoint, ...]
+    uninspected: tuple[PlanPoint, ...]
+    expected: tuple[PlanPoint, ...]
+    way: tuple[PlanPoint, ...]
+
+
+class ExploreAnswer(Wire):
+    """`move`: fly level to `stop`, `distance_m` away at `bearing_deg` (from the nose, positive to the right), and turn
+    to `yaw`; `turn`: stay and turn to `yaw`; `done`: all of the facade that can be seen was inspected. `gain_m` is how
+    much facade the place `way_m` ahead will show. `inspected_share`: of the facade known or expected so far. `map`
+    goes into the next question."""
+
+    status: Literal["move", "turn", "done"]
+    reason: str
+    stop: Point2 | None
+    bearing_deg: float
+    distance_m: Metres
+    yaw: float
+    gain_m: Metres
+    way_m: Metres
+    inspected_share: Unit
+    step: int
+    map: str
+    drawing: ExploreDrawing

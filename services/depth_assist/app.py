@@ -11,6 +11,8 @@ from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
     DirectionPoint,
+    ExploreAnswer,
+    ExploreQuestion,
     SafeDistancesAnswer,
     SafeDistancesQuestion,
     Split,
@@ -27,6 +29,7 @@ from navigation.target import Box
 from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion
 from service_kit.json_route import JsonRoute
+from services.depth_assist.explorer import next_step
 
 MAX_BODY_BYTES = 64 * 1024 * 1024
 MAX_VIEW_PIXELS = 1600 * 1600
@@ -52,12 +55,19 @@ def build_app(*, token: str | None = None, max_body_bytes: int = MAX_BODY_BYTES)
         """The way to a stop in front of the thing in the box."""
         return json_response(plan_approach(question))
 
+    @app.post("/v1/explore", response_model=ExploreAnswer)
+    def explore_(question: ExploreQuestion) -> Response:
+        """The contour explorer's next stop; the map goes out with it and comes back with the next question."""
+        return json_response(explore_step(question))
+
     return app
 
 
 def choose_viewpoint(question: ViewpointQuestion) -> ViewpointAnswer:
-    """Raises BadQuestion for views that can't be read, sliced or told apart."""
+    """Raises BadQuestion for views that can't be read, sliced or told apart, and for the policy `contour`."""
     asked = question.settings
+    if asked.policy == "contour":
+        raise BadQuestion("the contour explorer answers at /v1/explore", code="other_route")
     settings = viewpoint.Settings(**asked.model_dump())
     _check_views(question.views)
     means: dict[int, NDArray[np.float64]] = {
@@ -132,6 +142,12 @@ def plan_approach(question: ApproachQuestion) -> ApproachAnswer:
         target_distance_m=found.target.distance_m,
         free_distance_m=found.free_distance_m,
     )
+
+
+def explore_step(question: ExploreQuestion) -> ExploreAnswer:
+    """Raises BadQuestion for views that can't be read or told apart, and for a map that is none."""
+    _check_views(question.views)
+    return next_step(question, _depth_views(question.views, question.settings.sensor_range_m))
 
 
 _HEADINGS = {int(heading): heading for heading in VIEW_HEADINGS_DEG}

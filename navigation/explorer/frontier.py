@@ -1,0 +1,142 @@
+"""Where the target's facade is expected to go on out of sight: hidden faces, gaps, and what an occluder covers."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from navigation.explorer.facade import Walls
+from navigation.explorer.map import CELL_M, FREE, UNKNOWN, Map, cells_of, from_turns, to_turns
+from navigation.explorer.scan import BINS, Scan
+from navigation.explorer.settings import Settings
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+LIKE = 0.8
+"""Cosine from which two normals count as of one wall."""
+_FREE_END_M = 3.0
+_FEW = 3
+
+
+class Guess(NamedTuple):
+    """Wall expected from `start` (ENU) along the unit vector `along` for `length_m`, facing `normal`. `through_free_m`:
+    so far from the start known free cells do not end it yet."""
+
+    start: tuple[float, float]
+    along: tuple[float, float]
+    normal: tuple[float, float]
+    length_m: float
+    through_free_m: float
+
+
+def expect(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settings) -> None:
+    """Draws, in place, what each end of the target's runs lets expect; then drops what has turned out otherwise."""
+    for guess in guesses(grid, scan, walls, target, settings):
+        _draw(grid, guess, target, settings)
+    forget(grid, target)
+
+
+def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settings) -> Iterator[Guess]:
+    """One for each end of each run of the scan that belongs to the target, pieces of a few returns apart."""
+    points = scan.points(scan.range_m)
+    cells = cells_of(grid, np.nan_to_num(points, nan=1e9, posinf=1e9, neginf=-1e9))
+    ours = (cells >= 0) & (walls.run >= 0) & target.reshape(-1)[np.maximum(cells, 0)]
+    for number in np.unique(walls.run[ours]):
+        members = np.flatnonzero(walls.run == number)
+        if len(members) < _FEW or 2 * int(ours[members].sum()) < len(members):
+            continue
+        for end, step in ((int(members[-1]), 1), (int(members[0]), -1)):
+            guess = _beyond(scan, walls, points, members, end, step, settings)
+            if guess is not None:
+                yield guess
+
+
+def forget(grid: Map, target: Bools) -> None:
+    """Drops, in place, expected cells that became known, lie beside the target's wall of like normal, or between two of
+    its cells, or failed to show when a stop was flown to see them."""
+    expected = grid.expected
+    rows, columns = np.nonzero(expected)
+    if not len(rows):
+        return
+    keep = (grid.state[rows, columns] == UNKNOWN) & (grid.attempts[rows, columns] == 0)
+    own = from_turns(grid.normal[rows, columns])
+    beside = np.zeros(len(rows), np.intp)
+    last = grid.state.shape[0] - 1
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            r, c = np.clip(rows + down, 0, last), np.clip(columns + right, 0, last)
+            there = target[r, c]
+            beside += there
+            keep &= ~(there & ((from_turns(grid.normal[r, c]) * own).sum(axis=1) > LIKE))
+    expected[rows, columns] = keep & (beside < 2)
+
+
+def _beyond(
+    scan: Scan, walls: Walls, points: Floats, members: NDArray[np.intp], end: int, step: int, settings: Settings
+) -> Guess | None:
+    """What to expect beyond one end of a run, by what the neighbouring ray sees."""
+    inner = _window_inside(points, members, end, step, max(0.9, 0.05 * float(scan.range_m[end])))
+    normal = walls.normal[inner]
+    along = np.array((-normal[1], normal[0]))
+    if (points[end] - points[inner]) @ along < 0:
+        along = -along
+    at = points[end]
+    face = (float(normal[0]), float(normal[1]))
+    ahead = (float(along[0]), float(along[1]))
+    start = (float(at[0]), float(at[1]))
+    bridged = _bridge(scan, walls, points, at, normal, along, end, step, settings)
+    if bridged is not None:
+        return Guess(start, ahead, face, bridged, settings.bridge_m)
+    beside = end + step
+    beyond_view = not 0 <= beside < BINS or np.isnan(scan.range_m[beside])
+    if beyond_view or scan.range_m[end] > settings.map_range_m:
+        return Guess(start, ahead, face, settings.straight_on_m, 0.0)
+    if scan.range_m[beside] < scan.range_m[end]:  # something nearer hides the rest
+        return Guess(start, ahead, face, settings.straight_on_m, 0.0)
+    corner = (start[0] + ahead[0] * CELL_M / 2, start[1] + ahead[1] * CELL_M / 2)
+    return Guess(corner, (-face[0], -face[1]), ahead, settings.hidden_face_m, _FREE_END_M)
+
+
+def _window_inside(points: Floats, members: NDArray[np.intp], end: int, step: int, reach: float) -> int:
+    """The member one normal's window away from the end, where the window is not one-sided."""
+    away = np.hypot(*(points[members] - points[end]).T)
+    inside = members[away >= reach]
+    if not len(inside):
+        return int(members[len(members) // 2])
+    return int(inside[-1] if step > 0 else inside[0])
+
+
+def _bridge(
+    scan: Scan,
+    walls: Walls,
+    points: Floats,
+    at: Floats,
+    normal: Floats,
+    along: Floats,
+    end: int,
+    step: int,
+    settings: Settings,
+) -> float | None:
+    """How far the same wall goes on after a gap, None where it does not within `bridge_m`."""
+    rays = np.arange(end + step, BINS, 1) if step > 0 else np.arange(end - 1, -1, -1)
+    rays = rays[walls.run[rays] >= 0][: BINS // 6]
+    gap = points[rays] - at
+    out, ahead = gap @ normal, gap @ along
+    slack = 0.6 + 0.03 * scan.range_m[rays]
+    same = (np.abs(out) < slack) & (ahead > 0) & (ahead < settings.bridge_m) & (walls.normal[rays] @ normal > LIKE)
+    return float(ahead[same].min()) if same.any() else None
+
+
+def _draw(grid: Map, guess: Guess, target: Bools, settings: Settings) -> None:
+    steps = np.arange(CELL_M, guess.length_m + 1e-9, CELL_M / 2)
+    places = np.array(guess.start) + steps[:, None] * np.array(guess.along)
+    cells = cells_of(grid, places)
+    state = grid.state.reshape(-1)[np.maximum(cells, 0)]
+    stopped = (cells < 0) | ((state == FREE) & (steps > guess.through_free_m))
+    past = int(stopped.argmax()) if stopped.any() else len(cells)
+    cells = np.unique(cells[:past][state[:past] == UNKNOWN])
+    cells = cells[(grid.attempts.reshape(-1)[cells] == 0) & ~grid.expected.reshape(-1)[cells]]
+    grid.expected.reshape(-1)[cells] = True
+    grid.normal.reshape(-1)[cells] = to_turns(np.array([guess.normal]))[0]
