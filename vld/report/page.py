@@ -1,0 +1,274 @@
+"""The whole page: runs, tables, charts, comparisons, failures; nothing is loaded from anywhere."""
+
+from collections.abc import Callable, Sequence
+from importlib.resources import files
+from itertools import combinations
+from typing import get_args
+
+from contracts.scene import BuildingKind
+from vld.records import Reason
+from vld.report import charts
+from vld.report.failures import REASONS, failures_of, gallery
+from vld.report.markup import Html, counted, interval, join, number, p_value, percent, tag
+from vld.report.pictures import DEFAULT_BYTES
+from vld.report.runs import Run
+from vld.report.tables import against, five_tables
+from vld.summary import Change, Groups, Rate
+
+TITLES = {kind: kind.replace("_", "-") for kind in get_args(BuildingKind)}
+KINDS_OF_DIFFERENCE = (
+    "The paper's figures come from the CARLA simulator, its own 300 tasks and 6 to 11 billion parameter models; ours "
+    "from this project's simulator, its own tasks and the models named in each row. They are printed side by side to "
+    "compare the layout and the effect of an ablation, not one number with the other. Small print: k/n, then the "
+    "Wilson 95 % interval in percent; p: against the row with the paper's method on the tasks that both flew (success: "
+    "McNemar, exact; SPL: paired bootstrap)."
+)
+
+
+def build_page(runs: Sequence[Run], limit_bytes: int = DEFAULT_BYTES) -> str:
+    """One HTML document; its pictures take at most `limit_bytes`. Raises ValueError without a run."""
+    if not runs:
+        raise ValueError("a report needs at least one run")
+    failures = failures_of(runs)
+    body = join(
+        (
+            tag("header", tag("h1", "LogisticsVLN evaluation"), tag("p", _told(runs), class_="soft"), _nav(runs)),
+            tag("section", *(_run_card(k, run) for k, run in enumerate(runs)), class_="runs", id="runs"),
+            tag("h2", "The paper's tables, and ours", id="tables"),
+            tag("p", KINDS_OF_DIFFERENCE, class_="note"),
+            five_tables(runs),
+            tag("h2", "Figures", id="figures"),
+            _legend(runs),
+            _figures(runs),
+            tag("h2", "Models", id="models"),
+            _models(runs),
+            *_compared(runs),
+            tag("h2", "Failures", tag("small", f" {len(failures)}"), id="failures"),
+            gallery(runs, failures, limit_bytes),
+        )
+    )
+    here = files("vld.report")
+    style, script = ((here / name).read_text(encoding="utf-8") for name in ("page.css", "page.js"))
+    head = join(
+        (
+            tag("meta", charset="utf-8"),
+            tag("meta", name_="viewport", content="width=device-width, initial-scale=1"),
+            tag("meta", name_="color-scheme", content="light dark"),
+            tag("link", rel="icon", href="data:,"),
+            tag("title", f"LogisticsVLN: {', '.join(run.label for run in runs)}"),
+            tag("style", Html(style)),
+        )
+    )
+    foot = join((tag("dialog", id="large"), tag("script", Html(script))))
+    return f'<!doctype html>\n<html lang="en"><head>{head}</head><body><main>{body}</main>{foot}</body></html>\n'
+
+
+def _told(runs: Sequence[Run]) -> str:
+    sets = dict.fromkeys(run.settings.tasks for run in runs)
+    return f"{counted(len(runs), 'run')} over {', '.join(sets)}"
+
+
+def _nav(runs: Sequence[Run]) -> Html:
+    names = ["tables", "figures", "models", *(["compared"] if len(runs) > 1 else []), "failures"]
+    return tag("nav", *(tag("a", name, href=f"#{name}") for name in names))
+
+
+def _run_card(k: int, run: Run) -> Html:
+    summary, settings = run.summary, run.settings
+    busy = summary.render_s + summary.model_s
+    part = f" of {summary.planned}" if summary.planned != summary.tasks else ""
+    facts = [
+        ("SPL", f"{percent(summary.spl.horizontal)} % (3-D {percent(summary.spl.spatial)} %)"),
+        ("Average steps", number(summary.average_steps)),
+        ("Floor failures", f"{percent(summary.floor_fail.rate)} % ({summary.floor_fail.k}/{summary.floor_fail.n})"),
+        ("Recognition failures", _of(summary.recognition_fail)),
+        ("Collisions", str(summary.collisions)),
+        ("Time", f"{_duration(summary.wall_s)} with {counted(settings.workers, 'worker')}"),
+        ("Rendering and models", f"{_duration(busy)}" + (f", {summary.wall_s / busy:.2f}× in all" if busy else "")),
+    ]
+    return tag(
+        "article",
+        tag("h3", tag("i", class_=f"key r{k}"), run.label),
+        tag(
+            "p",
+            tag("b", percent(summary.success.rate), class_="big"),
+            " % success ",
+            tag("small", interval(summary.success)),
+            class_="headline",
+        ),
+        tag("p", f"{counted(summary.tasks, 'task')}{part} of {settings.tasks}", class_="soft"),
+        tag("dl", *(join((tag("dt", name), tag("dd", value))) for name, value in facts)),
+        tag(
+            "details",
+            tag("summary", "Settings"),
+            tag("pre", settings.model_dump_json(indent=1)),
+        ),
+        class_="card",
+    )
+
+
+def _of(rate: Rate) -> str:
+    return "no claim" if rate.rate is None else f"{percent(rate.rate)} % ({rate.k}/{rate.n})"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes} min {rest} s" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _legend(runs: Sequence[Run]) -> Html:
+    if len(runs) == 1:
+        return Html("")
+    return tag(
+        "p", *(tag("span", tag("i", class_=f"key r{k}"), run.label) for k, run in enumerate(runs)), class_="legend"
+    )
+
+
+def _figures(runs: Sequence[Run]) -> Html:
+    curve = charts.curve(
+        [
+            charts.Series(k, run.label, [(p.radius_m, p.success) for p in run.summary.success_curve])
+            for k, run in enumerate(runs)
+        ],
+        "stop within so many metres of the window's centre",
+    )
+    outcomes = {
+        reason: [(k, run.label, run.summary.outcomes.get(reason, 0), run.summary.tasks) for k, run in enumerate(runs)]
+        for reason in get_args(Reason)
+        if any(run.summary.outcomes.get(reason) for run in runs)
+    }
+    parts: list[tuple[str, Callable[[Groups], dict[str, Rate]]]] = [
+        ("Success by difficulty (%)", lambda groups: groups.difficulty),
+        ("Success by building (%)", lambda groups: groups.building),
+        ("Success by floor asked for (%)", lambda groups: groups.floor),
+        ("Success by category of object (%)", lambda groups: groups.category),
+    ]
+    cards = [
+        _chart("How each task ended", charts.bars(outcomes, REASONS)),
+        _chart("Success by radius (%)", curve),
+        *(_chart(title, charts.whiskers(_grouped(runs, pick), TITLES)) for title, pick in parts),
+    ]
+    return tag("div", *cards, class_="charts")
+
+
+def _grouped(runs: Sequence[Run], pick: Callable[[Groups], dict[str, Rate]]) -> dict[str, list[tuple[int, str, Rate]]]:
+    names = dict.fromkeys(name for run in runs for name in pick(run.summary.groups))
+    return {
+        name: [(k, run.label, rates[name]) for k, run in enumerate(runs) if name in (rates := pick(run.summary.groups))]
+        for name in names
+    }
+
+
+def _chart(title: str, chart: Html) -> Html:
+    return tag("section", tag("h3", title), chart, class_="card")
+
+
+def _models(runs: Sequence[Run]) -> Html:
+    heads = (
+        "Run",
+        "Role",
+        "Calls",
+        "From cache",
+        "Unreadable",
+        "Refused",
+        "Unreachable",
+        "Tokens in",
+        "Tokens out",
+        "p50 (s)",
+        "p95 (s)",
+        "p99 (s)",
+    )
+    rows = []
+    for k, run in enumerate(runs):
+        for role, calls in run.summary.model_calls.items():
+            waits = calls.latency_s
+            figures = (
+                calls.calls,
+                calls.cache_hits,
+                calls.unreadable,
+                calls.refused,
+                calls.unreachable,
+                calls.prompt_tokens,
+                calls.completion_tokens,
+                number(waits.p50, 3),
+                number(waits.p95, 3),
+                number(waits.p99, 3),
+            )
+            rows.append(
+                tag(
+                    "tr",
+                    tag("td", tag("i", class_=f"key r{k}"), run.label),
+                    tag("td", role),
+                    *(tag("td", figure) for figure in figures),
+                )
+            )
+    if not rows:
+        return tag("p", "No model was asked.", class_="soft")
+    table = tag(
+        "table",
+        tag("thead", tag("tr", *(tag("th", head) for head in heads))),
+        tag("tbody", *rows),
+        class_="booktabs figures",
+    )
+    return tag(
+        "section",
+        tag("div", table, class_="scroll"),
+        tag("p", "Percentiles are of the calls that no cache answered.", class_="soft"),
+        class_="card",
+    )
+
+
+def _compared(runs: Sequence[Run]) -> list[Html]:
+    """Every pair of runs on the tasks that both flew."""
+    if len(runs) < 2:
+        return []
+    heads = (
+        "First",
+        "Second",
+        "Tasks",
+        "Both",
+        "Only first",
+        "Only second",
+        "Neither",
+        "Success, first − second",
+        "p",
+        "SPL, first − second",
+        "p",
+    )
+    rows = []
+    for (j, a), (k, b) in combinations(enumerate(runs), 2):
+        found = against(a, b)
+        rows.append(
+            tag(
+                "tr",
+                tag("td", tag("i", class_=f"key r{j}"), a.label),
+                tag("td", tag("i", class_=f"key r{k}"), b.label),
+                *(tag("td", n) for n in (found.tasks, found.both, found.only_first, found.only_second, found.neither)),
+                tag("td", _change(found.success)),
+                tag("td", p_value(found.success_p) if found.tasks else "n/a"),
+                tag("td", _change(found.spl)),
+                tag("td", p_value(found.spl.p)),
+            )
+        )
+    table = tag(
+        "table",
+        tag("thead", tag("tr", *(tag("th", head) for head in heads))),
+        tag("tbody", *rows),
+        class_="booktabs figures",
+    )
+    told = (
+        "Success: McNemar's exact test over the tasks that one run alone solved. Differences in percentage points "
+        "with the paired bootstrap's 95 % interval (10,000 resamples); no correction for several comparisons."
+    )
+    return [
+        tag("h2", "Runs compared", id="compared"),
+        tag("section", tag("div", table, class_="scroll"), tag("p", told, class_="soft"), class_="card"),
+    ]
+
+
+def _change(change: Change) -> str:
+    if change.mean is None or change.low is None or change.high is None:
+        return "n/a"
+    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"

@@ -1,0 +1,75 @@
+"""Runs as the report sees them: settings, tasks, results and figures, with a name for each arm."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from contracts.orchestrator import MissionSettings
+from vld.bench.folder import BadFolder, read_records, read_settings, read_tasks, read_wall_s
+from vld.records import EpisodeRecord, RunSettings, Task
+from vld.summary import Summary, summarize
+
+
+class Run(NamedTuple):
+    """One run. `label` says in a few words how its arm differs; `tasks` are those it flew or was to fly."""
+
+    label: str
+    folder: Path
+    settings: RunSettings
+    tasks: Mapping[str, Task]
+    records: Sequence[EpisodeRecord]
+    summary: Summary
+
+    @property
+    def model(self) -> str:
+        """Who answered about pictures."""
+        return answering(self.settings)
+
+    @property
+    def arm(self) -> MissionSettings:
+        return self.settings.mission
+
+
+def load_run(folder: Path) -> Run:
+    """Reads a run, finished or not. Raises vld.bench.folder.BadFolder."""
+    settings = read_settings(folder)
+    tasks = {task.id: task for task in read_tasks(folder).tasks}
+    records = read_records(folder)
+    try:
+        summary = summarize(tasks, records, read_wall_s(folder))
+    except ValueError as error:
+        raise BadFolder(f"{folder}: {error}") from None
+    return Run(label_of(settings), folder, settings, tasks, records, summary)
+
+
+def load_runs(folders: Sequence[Path]) -> list[Run]:
+    """Several runs; equal labels get their folders' names as well. Raises vld.bench.folder.BadFolder."""
+    runs = [load_run(folder) for folder in folders]
+    labels = [run.label for run in runs]
+    return [
+        run._replace(label=f"{run.label} ({run.folder.resolve().name})") if labels.count(run.label) > 1 else run
+        for run in runs
+    ]
+
+
+def answering(settings: RunSettings) -> str:
+    """Who answered about pictures: the back end, and what disturbed it."""
+    noise = [f"{name.replace('_', ' ')} {value:g}" for name, value in settings.oracle.items() if value]
+    noise = [words for words in noise if not words.startswith("noise seed")]
+    return ", ".join([settings.backend, *noise])
+
+
+def label_of(settings: RunSettings) -> str:
+    """The back end, and whatever differs from the paper's method."""
+    mission = settings.mission
+    usual = MissionSettings()
+    words = [answering(settings)]
+    if mission.viewpoint.policy != usual.viewpoint.policy:
+        words.append(f"{mission.viewpoint.policy} viewpoint")
+    if mission.choice != usual.choice:
+        words.append("centre, no choice")
+    if mission.floors != usual.floors:
+        words.append("direct count")
+    if mission.band_reading != usual.band_reading:
+        words.append("h_i as camera height")
+    return ", ".join(words)

@@ -1,0 +1,240 @@
+"""The paper's five tables, each with ours beside it in the same layout."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from vld.report import paper
+from vld.report.markup import Html, interval, join, number, p_value, percent, tag, text
+from vld.report.runs import Run
+from vld.summary import Comparison, Rate, compare
+
+SCORE_HEADS = ("SR (%) ↑", "SPL (%) ↑", "Average Steps ↓")
+
+
+class Row(NamedTuple):
+    """One row of ours: what it is, the run that fills it (null: not flown), the run to test it against."""
+
+    name: str
+    run: Run | None
+    baseline: Run | None = None
+    hint: str = ""
+
+
+def five_tables(runs: Sequence[Run]) -> Html:
+    """All five, in the paper's order."""
+    return join(
+        (
+            _pair(
+                "Table 1. Models",
+                "the whole task set with the paper's policy",
+                _scored("VLM", paper.MODELS),
+                _our_scores("Model", [Row(run.model, run) for run in _plain(runs)]),
+            ),
+            _pair(
+                "Table 2. Floor localization",
+                "final height more than 7 m off the window's, or none found, over all tasks",
+                _paper_floors(),
+                _our_floors(runs),
+            ),
+            _pair(
+                "Table 3. Object recognition",
+                "wrong claims over tasks with a claim",
+                _paper_recognition(),
+                _our_recognition(_plain(runs)),
+            ),
+            _pair(
+                "Table 4. Viewpoint selection",
+                "eq. 4–6 against a random view and against always the right-hand one",
+                _scored("VS strategy", paper.VIEWPOINT),
+                _our_scores(
+                    "VS strategy",
+                    _ablation(
+                        runs,
+                        (("Ours", "paper"), ("Random", "random"), ("Default", "default")),
+                        lambda run: run.arm.viewpoint.policy,
+                        "viewpoint",
+                    ),
+                ),
+            ),
+            _pair(
+                "Table 5. Choice VLM",
+                "the model's choice among the five points against always the centre",
+                _scored("Choice VLM", paper.CHOICE),
+                _our_scores(
+                    "Choice VLM",
+                    _ablation(runs, (("✓", "model"), ("✗", "centre")), lambda run: run.arm.choice, "choice"),
+                ),
+            ),
+        )
+    )
+
+
+def against(first: Run, second: Run) -> Comparison:
+    """The paired tests of two runs on the tasks that both flew. Sets drawn from different seeds may use the same names
+    for different tasks: only tasks that are equal count."""
+    same = {name: task for name, task in first.tasks.items() if second.tasks.get(name) == task}
+    arms = [[record for record in run.records if record.task in same] for run in (first, second)]
+    return compare(same, arms[0], arms[1])
+
+
+def _plain(runs: Sequence[Run]) -> list[Run]:
+    """The runs with the paper's method."""
+    return [run for run in runs if _is_plain(run)]
+
+
+def _is_plain(run: Run) -> bool:
+    arm = run.arm
+    return (arm.viewpoint.policy, arm.choice, arm.floors) == ("paper", "model", "stepwise")
+
+
+def _ablation(
+    runs: Sequence[Run], arms: Sequence[tuple[str, str]], setting: Callable[[Run], str], option: str
+) -> list[Row]:
+    """For each model one row an arm, tested against the paper's method on the tasks that both flew."""
+    rows = []
+    models = list(dict.fromkeys(run.model for run in runs))
+    for model in models:
+        own = [run for run in runs if run.model == model]
+        baseline = next(iter(_plain(own)), None)
+        for name, value in arms:
+            # only this one setting differs from the paper's method
+            fitting = [run for run in own if setting(run) == value and (_is_plain(run) or _differs_once(run))]
+            shown = f"{name} · {model}" if len(models) > 1 else name
+            hint = f"logisticsvln bench --backend {own[0].settings.backend} --{option} {value}"
+            if not fitting:
+                rows.append(Row(shown, None, None, hint))
+            rows += [Row(shown, run, baseline if run is not baseline else None, hint) for run in fitting]
+    return rows
+
+
+def _differs_once(run: Run) -> bool:
+    arm = run.arm
+    return [arm.viewpoint.policy != "paper", arm.choice != "model", arm.floors != "stepwise"].count(True) == 1
+
+
+def _pair(title: str, what: str, theirs: Html, ours: Html) -> Html:
+    return tag(
+        "section",
+        tag("h3", title, " ", tag("small", what)),
+        tag(
+            "div",
+            tag("figure", tag("figcaption", "The paper"), theirs, class_="scroll"),
+            tag("figure", tag("figcaption", "Ours"), ours, class_="scroll"),
+            class_="pair",
+        ),
+        class_="card",
+    )
+
+
+def _scored(first: str, rows: Sequence[paper.Scored]) -> Html:
+    return _table(
+        (first, *SCORE_HEADS),
+        [[text(r.name), _n(r.success_pct, 1), _n(r.spl_pct, 1), _n(r.steps, 2)] for r in rows],
+    )
+
+
+def _our_scores(first: str, rows: Sequence[Row]) -> Html:
+    if not rows:
+        return _none("no run with the paper's policy is part of this report")
+    cells = []
+    for row in rows:
+        if row.run is None:
+            cells.append([text(row.name), _not_flown(row.hint)])
+            continue
+        test = _test(row)
+        summary = row.run.summary
+        spl = _number(percent(summary.spl.horizontal), f"3-D {percent(summary.spl.spatial)}")
+        if test is not None:
+            spl = _number(
+                percent(summary.spl.horizontal), f"3-D {percent(summary.spl.spatial)} · p {p_value(test.spl.p)}"
+            )
+        cells.append(
+            [
+                text(row.name),
+                _rate(summary.success, f"p {p_value(test.success_p)}" if test is not None else ""),
+                spl,
+                _number(number(summary.average_steps), f"{summary.success.k} successes"),
+            ]
+        )
+    return _table((first, *SCORE_HEADS), cells)
+
+
+def _test(row: Row) -> Comparison | None:
+    if row.run is None or row.baseline is None:
+        return None
+    found = against(row.baseline, row.run)
+    return found if found.tasks else None
+
+
+def _paper_floors() -> Html:
+    return _table(
+        ("ID", "VLM", "FL method", "FL fail rate (%) ↓"),
+        [[text(r.id), text(r.model), text(r.method), _n(r.fail_pct, 1)] for r in paper.FLOORS],
+    )
+
+
+def _our_floors(runs: Sequence[Run]) -> Html:
+    fitting = [run for run in runs if run.arm.viewpoint.policy == "paper" and run.arm.choice == "model"]
+    if not fitting:
+        return _none("no run with the paper's viewpoint and choice is part of this report")
+    methods = {"stepwise": "Ours", "direct-count": "Direct Count"}
+    cells = [
+        [
+            text("abcdefghijklmnopqrstuvwxyz"[at % 26]),
+            text(run.model),
+            text(methods[run.arm.floors]),
+            _rate(run.summary.floor_fail, f"½ floor: {percent(run.summary.floor_fail_half_floor.rate)}"),
+        ]
+        for at, run in enumerate(fitting)
+    ]
+    return _table(("ID", "Model", "FL method", "FL fail rate (%) ↓"), cells)
+
+
+def _paper_recognition() -> Html:
+    return _table(("VLM", "OR fail rate (%) ↓"), [[text(r.model), _n(r.fail_pct, 1)] for r in paper.RECOGNITION])
+
+
+def _our_recognition(runs: Sequence[Run]) -> Html:
+    if not runs:
+        return _none("no run with the paper's policy is part of this report")
+    return _table(
+        ("Model", "OR fail rate (%) ↓"),
+        [[text(run.model), _rate(run.summary.recognition_fail)] for run in runs],
+    )
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[Html]]) -> Html:
+    body = []
+    for row in rows:
+        missing = len(heads) - len(row)
+        cells = [
+            tag("td", cell, colspan=1 + missing if at == len(row) - 1 and missing else None)
+            for at, cell in enumerate(row)
+        ]
+        body.append(tag("tr", *cells))
+    return tag(
+        "table",
+        tag("thead", tag("tr", *(tag("th", head) for head in heads))),
+        tag("tbody", *body),
+        class_="booktabs",
+    )
+
+
+def _n(value: float, digits: int) -> Html:
+    return _number(f"{value:.{digits}f}")
+
+
+def _rate(rate: Rate, more: str = "") -> Html:
+    return _number(percent(rate.rate), " · ".join(part for part in (interval(rate), more) if part))
+
+
+def _number(main: str, small: str = "") -> Html:
+    return join((tag("b", main), tag("small", small) if small else ""))
+
+
+def _not_flown(hint: str) -> Html:
+    return tag("span", "not flown: ", tag("code", hint), class_="soft")
+
+
+def _none(why: str) -> Html:
+    return tag("p", why, class_="soft")
