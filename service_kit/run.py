@@ -2,13 +2,18 @@
 
 import json
 import logging
+import os
+import signal
 import sys
+import threading
 import time
 
 import uvicorn
 from fastapi import FastAPI
 
 from service_kit.settings import Settings
+
+PARENT_WATCH_S = 0.5
 
 
 class JsonLines(logging.Formatter):
@@ -34,8 +39,12 @@ def set_up_logging(level: str) -> None:
 
 
 def run(app: FastAPI, settings: Settings, default_port: int) -> None:
-    """Serve until SIGTERM or SIGINT. `HOST`, `PORT` and `LOG_LEVEL` come from the settings."""
+    """Serve until SIGTERM or SIGINT. `HOST`, `PORT` and `LOG_LEVEL` come from the settings. Where `PARENT_PID` names
+    the process that started this one, the service ends with it, however that ended."""
     set_up_logging(settings.choice("LOG_LEVEL", "warning", ("debug", "info", "warning", "error")))
+    parent = settings.integer("PARENT_PID", 0, 0, 2**31 - 1)
+    if parent:
+        threading.Thread(target=_end_with, args=(parent,), name="parent", daemon=True).start()
     uvicorn.run(
         app,
         host=settings.text("HOST", "127.0.0.1") or "127.0.0.1",
@@ -46,3 +55,9 @@ def run(app: FastAPI, settings: Settings, default_port: int) -> None:
         timeout_graceful_shutdown=5,
         timeout_keep_alive=30,
     )
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(PARENT_WATCH_S)
+    os.kill(os.getpid(), signal.SIGTERM)

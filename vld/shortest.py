@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from contracts.geometry import Point3
 from contracts.scene import Scene, WindowPlace
@@ -18,13 +18,14 @@ _FAN_DEG = range(-60, 61, 5)
 
 
 class ShortestWay(NamedTuple):
-    """`path` from the start (left out) to the stop, climbing evenly; lengths in metres. `clearance_m` was kept from
-    every wall on the plan."""
+    """`path` from the start (left out) to the stop; lengths in metres. `clearance_m` was kept from every wall on the
+    plan. `climb`: evenly all the way, or at the start before anything else, where eaves are in the even climb's way."""
 
     horizontal_m: float
     spatial_m: float
     path: tuple[Point3, ...]
     clearance_m: float
+    climb: Literal["evenly", "first"]
 
 
 def goal_slot(scene: Scene) -> WindowSlot:
@@ -36,11 +37,10 @@ def goal_slot(scene: Scene) -> WindowSlot:
 
 
 def ways(scene: Scene) -> Iterator[ShortestWay]:
-    """The shortest way for each of CLEARANCES_M for which there is one.
+    """The shortest way for each of CLEARANCES_M for which there is one, climbing evenly and climbing first.
 
     It ends at the height of the window's centre, at most 60 degrees aside of its normal and just inside the radius of
-    success. Between start and stop the drone climbs evenly, so that the spatial length is the hypotenuse over the
-    horizontal one.
+    success.
     """
     slot = goal_slot(scene)
     start = scene.start.position
@@ -57,7 +57,8 @@ def ways(scene: Scene) -> Iterator[ShortestWay]:
         ]
         if free:
             route, _ = min(free, key=lambda pair: pair[0].length_m)
-            yield _climbing(route, start, slot.centre[2], clearance)
+            yield _climbing_evenly(route, start, slot.centre[2], clearance)
+            yield _climbing_first(route, start, slot.centre[2], clearance)
 
 
 def obstacles(scene: Scene, slot: WindowSlot) -> list[tuple[tuple[float, float], ...]]:
@@ -86,7 +87,7 @@ def _ends_straight(route: Route) -> bool:
     return len(route.waypoints) < 2 or math.dist(route.waypoints[0], route.waypoints[1]) > 1e-3
 
 
-def _climbing(route: Route, start: Point3, z: float, clearance_m: float) -> ShortestWay:
+def _climbing_evenly(route: Route, start: Point3, z: float, clearance_m: float) -> ShortestWay:
     corners = route.waypoints[::-1]
     path = []
     gone = 0.0
@@ -94,4 +95,10 @@ def _climbing(route: Route, start: Point3, z: float, clearance_m: float) -> Shor
         gone += math.dist(before, here)
         share = gone / route.length_m if route.length_m else 1.0
         path.append(Point3(x=here[0], y=here[1], z=start.z + share * (z - start.z)))
-    return ShortestWay(route.length_m, math.hypot(route.length_m, z - start.z), tuple(path), clearance_m)
+    return ShortestWay(route.length_m, math.hypot(route.length_m, z - start.z), tuple(path), clearance_m, "evenly")
+
+
+def _climbing_first(route: Route, start: Point3, z: float, clearance_m: float) -> ShortestWay:
+    above = Point3(x=start.x, y=start.y, z=z)
+    path = (above, *(Point3(x=x, y=y, z=z) for x, y in route.waypoints[::-1][1:]))
+    return ShortestWay(route.length_m, abs(z - start.z) + route.length_m, path, clearance_m, "first")

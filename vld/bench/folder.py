@@ -48,9 +48,7 @@ class RunFolder:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             self._lock.close()
-            raise BadFolder(
-                f"another process is flying the run in {path}; wait for it, or choose another --out"
-            ) from None
+            raise BadFolder(f"another process flies the run in {path}; wait for it, or choose another --out") from None
         try:
             self._take_up()
         except BaseException:

@@ -1,0 +1,213 @@
+"""`logisticsvln bench`: one arm over a task set."""
+
+import asyncio
+import importlib.metadata
+import json
+import os
+import platform
+import signal
+import time
+from pathlib import Path
+from typing import Annotated, Literal, NoReturn
+
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+
+from contracts.depth_assist import ViewpointSettings
+from contracts.orchestrator import MissionSettings
+from vld.bench.folder import BadFolder, RunFolder
+from vld.bench.progress import LiveProgress, PlainProgress
+from vld.bench.run import CannotRun, Run
+from vld.bench.screen import print_summary
+from vld.bench.worker import Job, Pictures
+from vld.generate import CannotGenerate
+from vld.records import RunSettings, Task
+from vld.sim_client import SimulatorFault
+from vld.summary import Summary
+from vld.tasks import BadTasks, TaskSet, load
+from vld.tasks_cli import generated
+
+WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+MAX_WORKERS = 64
+_PACKAGES = ("logisticsvln", "numpy", "opencv-python-headless", "moderngl", "pybullet", "pydantic", "aiohttp")
+
+
+def bench(
+    tasks: Annotated[str | None, typer.Option(help="A shipped set or a file of tasks.", show_default="vld-300")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Fly a fresh set of this seed instead.")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="How many tasks the fresh set has.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Only the first tasks, evenly over the set.")] = None,
+    backend: Annotated[
+        str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")
+    ] = "embedded",
+    viewpoint: Annotated[Literal["paper", "random", "default"], typer.Option(help="Ablation.")] = "paper",
+    choice: Annotated[Literal["model", "centre"], typer.Option(help="Ablation.")] = "model",
+    floors: Annotated[Literal["stepwise", "direct-count"], typer.Option(help="Ablation.")] = "stepwise",
+    parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,
+    max_steps: Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")] = 30,
+    image_size: Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")] = 800,
+    mission_seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of the random viewpoint policy.")] = 0,
+    miss_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a view with the object says nothing.")] = 0.0,
+    false_claim_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a look claims another thing.")] = 0.0,
+    floor_miscount_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a count is off by one.")] = 0.0,
+    box_jitter: Annotated[float, typer.Option(min=0, max=1, help="Oracle: edges off by this share (sigma).")] = 0.0,
+    refusal_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: an answer is declined.")] = 0.0,
+    noise_seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Oracle: of all of these.")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=MAX_WORKERS, help="Processes that fly.", show_default="one a core")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The run's folder; one that was begun is completed.")] = None,
+    pictures: Annotated[Pictures, typer.Option(help="Whose pictures to keep.")] = "none",
+    cache: Annotated[
+        Literal["on", "off", "replay"] | None,
+        typer.Option(help="Answers of models.", show_default="off for embedded and oracle, else on"),
+    ] = None,
+    recording: Annotated[Path | None, typer.Option(help="The file in which answers are kept, for --cache.")] = None,
+    episode_s: Annotated[float, typer.Option(min=1, max=86_400, help="An episode takes no longer.")] = 900.0,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> None:
+    """Fly a task set and print the figures. A run that was interrupted or killed goes on with the same command."""
+    console = Console(stderr=True)
+    noise = {
+        "miss_rate": miss_rate,
+        "false_claim_rate": false_claim_rate,
+        "floor_miscount_rate": floor_miscount_rate,
+        "box_jitter": box_jitter,
+        "refusal_rate": refusal_rate,
+        "noise_seed": float(noise_seed),
+    }
+    if backend != "oracle" and any(noise.values()):
+        _stop(
+            f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT
+        )
+    if recording is not None and cache == "off":
+        _stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
+    try:
+        chosen = _tasks(tasks, seed, count, console)
+        settings = RunSettings(
+            tasks=chosen.name,
+            checksum=chosen.checksum,
+            count=min(limit or len(chosen.tasks), len(chosen.tasks)),
+            backend=backend,
+            mission=MissionSettings(
+                floors=floors,
+                choice=choice,
+                viewpoint=ViewpointSettings(policy=viewpoint),
+                parser_model=parser,
+                max_exploration_steps=max_steps,
+                image_size=image_size,
+                seed=mission_seed,
+            ),
+            oracle=noise if backend == "oracle" else {},
+            workers=workers or os.cpu_count() or 1,
+            versions=_versions(),
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        _stop(f"{'.'.join(str(p) for p in first['loc'])}: {first['msg']}", WRONG_INPUT)
+    except (BadTasks, ValueError) as error:
+        _stop(str(error), WRONG_INPUT)
+    except (CannotGenerate, SimulatorFault) as error:
+        _stop(f"the tasks could not be made: {error}", FAILED)
+    except KeyboardInterrupt:
+        _stop("interrupted before the first flight", INTERRUPTED)
+    mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
+    place = out or Path("runs") / f"bench-{time.strftime('%Y%m%d-%H%M%S')}"
+    try:
+        folder = RunFolder(place, settings, _first(chosen, settings.count))
+    except BadFolder as error:
+        _stop(str(error), WRONG_INPUT)
+    job = Job(
+        folder=str(place.absolute()),
+        logs="",
+        mission=settings.mission,
+        backend=backend,
+        environment=one_core_each(os.environ),
+        gateway=_gateway(mode, recording, noise if backend == "oracle" else {}),
+        pictures=pictures,
+        episode_s=episode_s,
+    )
+    with folder:
+        summary = _fly(folder, job, settings, console)
+    if as_json:
+        typer.echo(json.dumps(summary.model_dump(mode="json"), ensure_ascii=False))
+    else:
+        print_summary(Console(), summary, str(place))
+
+
+def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -> Summary:
+    title = f"{settings.tasks}, {settings.backend}, {settings.mission.viewpoint.policy}"
+    before = len(folder.records)
+    if before:
+        console.print(f"{folder.path}: {before} of {len(folder.tasks)} results are there already", highlight=False)
+    view = LiveProgress(console, title) if console.is_terminal else PlainProgress(console, title)
+    with view:
+        run = Run(folder, job, settings.workers, view.show)
+        try:
+            asyncio.run(_interruptible(run))
+        except asyncio.CancelledError:
+            run.conclude()
+            _stop(
+                f"interrupted after {len(folder.records)} of {len(folder.tasks)} results; the same command with "
+                f"--out {folder.path} goes on",
+                INTERRUPTED,
+            )
+        except (CannotRun, OSError) as error:
+            _stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)
+    return run.conclude()
+
+
+async def _interruptible(run: Run) -> None:
+    task = asyncio.current_task()
+    loop = asyncio.get_running_loop()
+    if task is not None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, task.cancel)
+    await run.fly()
+
+
+def _tasks(tasks: str | None, seed: int | None, count: int | None, console: Console) -> TaskSet:
+    """Raises BadTasks, ValueError, CannotGenerate, SimulatorFault."""
+    if (seed is None) != (count is None):
+        raise ValueError("a fresh set needs both --seed and --count")
+    if seed is not None and count is not None:
+        if tasks is not None:
+            raise ValueError("give either --tasks or --seed and --count")
+        return generated(seed, count, console)
+    return load(tasks or "vld-300")
+
+
+def _first(chosen: TaskSet, count: int) -> list[Task]:
+    """`count` tasks, spread evenly over the set, so that a small run meets every kind of building."""
+    n = len(chosen.tasks)
+    return [chosen.tasks[k * n // count] for k in range(count)]
+
+
+def _gateway(mode: str, recording: Path | None, noise: dict[str, float]) -> dict[str, str]:
+    settings = {"CACHE_MODE": mode}
+    if recording is not None:
+        settings["CACHE_PATH"] = str(recording.absolute())
+    return settings | {f"ORACLE_{name.upper()}": f"{value:g}" for name, value in noise.items()}
+
+
+def one_core_each(environment: os._Environ[str] | dict[str, str]) -> dict[str, str]:
+    """Workers share the machine by processes, not by threads: each renderer and each numerical library keeps to one
+    core, unless the environment says otherwise."""
+    names = ("LP_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+    return {name: environment.get(name, "1") for name in names}
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
+    raise typer.Exit(code)

@@ -1,0 +1,137 @@
+"""A run: its pending tasks, spread over workers, each result written as it comes, a summary at the end."""
+
+import asyncio
+import contextlib
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from orchestrator.record import now, write_whole
+from vld.bench.crew import Hand, WorkerBroke, WorkerCantStart, broken_episode
+from vld.bench.folder import RunFolder
+from vld.bench.table import write_parquet
+from vld.bench.worker import Job
+from vld.records import EpisodeRecord, Task
+from vld.summary import Summary, summarize
+
+MAX_BROKEN_IN_A_ROW = 5
+
+
+class Standing(NamedTuple):
+    """How far a run has come. `flown` counts this session's episodes, `done` all; times in seconds."""
+
+    total: int
+    done: int
+    successes: int
+    flown: int
+    session_s: float
+    last: EpisodeRecord | None
+    workers: int
+
+
+Listener = Callable[[Standing], None]
+
+
+class CannotRun(Exception):
+    """The run can't go on: workers don't start, or break one after the other; the message says what they said."""
+
+
+class Run:
+    """Flies what is pending in a folder. Cancelling `fly` ends the workers; what was flown stays."""
+
+    def __init__(self, folder: RunFolder, job: Job, workers: int, listener: Listener | None = None) -> None:
+        self._folder = folder
+        self._job = job
+        self._workers = workers
+        self._listener = listener
+        self._pending: deque[Task] = deque(folder.pending)
+        self._began = time.perf_counter()
+        self._flown = 0
+        self._broken = 0
+
+    async def fly(self) -> None:
+        """Raises CannotRun."""
+        self._began = time.perf_counter()
+        self._tell(None)
+        count = min(self._workers, len(self._pending))
+        crew = [asyncio.create_task(self._work(number)) for number in range(1, count + 1)]
+        try:
+            await asyncio.gather(*crew)
+        finally:
+            for member in crew:
+                member.cancel()
+            await asyncio.gather(*crew, return_exceptions=True)
+            self._folder.note_wall(self._session_s)
+
+    def conclude(self) -> Summary:
+        """Writes summary.json and results.parquet of what is there."""
+        records = self._folder.in_order()
+        wall_s = self._folder.note_wall(self._session_s)
+        summary = summarize(self._folder.tasks, records, wall_s)
+        write_whole(self._folder.path / "summary.json", summary.model_dump_json(indent=1) + "\n")
+        write_parquet(self._folder.path / "results.parquet", self._folder.tasks, records)
+        return summary
+
+    @property
+    def _session_s(self) -> float:
+        return time.perf_counter() - self._began
+
+    async def _work(self, number: int) -> None:
+        logs = Path(self._folder.path) / "logs" / f"worker-{number}"
+        job = self._job.model_copy(update={"logs": str(logs)})
+        hand = Hand(job, logs / "worker.log")
+        try:
+            await self._start(hand)
+            while self._pending:
+                task = self._pending.popleft()
+                started, began = now(), time.perf_counter()
+                try:
+                    record = await hand.fly(task)
+                    self._broken = 0
+                except WorkerBroke as error:
+                    record = broken_episode(task, started, time.perf_counter() - began, str(error))
+                    self._add(record)
+                    await hand.stop()
+                    self._broken += 1
+                    if self._broken >= MAX_BROKEN_IN_A_ROW:
+                        raise CannotRun(
+                            f"{self._broken} workers broke one after the other; the last: {error}"
+                        ) from None
+                    await self._start(hand)
+                else:
+                    self._add(record)
+        finally:
+            # not to be left half done by a second Ctrl-C: services would stay behind
+            await asyncio.shield(hand.stop())
+
+    async def _start(self, hand: Hand) -> None:
+        try:
+            await hand.start()
+        except WorkerCantStart as error:
+            raise CannotRun(str(error)) from None
+
+    def _add(self, record: EpisodeRecord) -> None:
+        self._folder.add(record, self._session_s)
+        self._flown += 1
+        if self._folder.settings.renderer is None and record.result is not None and record.result.renderer is not None:
+            self._folder.note(record.result.renderer, self._folder.settings.model)
+        self._tell(record)
+
+    def _tell(self, last: EpisodeRecord | None) -> None:
+        if self._listener is None:
+            return
+        records = self._folder.records
+        with contextlib.suppress(OSError):  # a terminal that went away is no reason to stop
+            self._listener(
+                Standing(
+                    total=len(self._folder.tasks),
+                    done=len(records),
+                    successes=sum(r.success for r in records.values()),
+                    flown=self._flown,
+                    session_s=self._session_s,
+                    last=last,
+                    workers=self._workers,
+                )
+            )

@@ -1,0 +1,302 @@
+"""One worker of a run: a process with services of its own that flies one task after the other.
+
+`python -m vld.bench.worker` reads lines from standard input: first one Job, then one Task each. It answers on standard
+output: one Ready, then one EpisodeRecord a task. When its input ends, so does it, and its services with it.
+"""
+
+import asyncio
+import contextlib
+import os
+import shutil
+import sys
+import time
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from contracts.base import Name, Wire
+from contracts.geometry import VIEW_HEADINGS_DEG, Heading
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
+from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from orchestrator.clients import Services
+from orchestrator.mission import Mission
+from orchestrator.ports import Ports, World
+from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Processes, free_ports, own_environment
+from orchestrator.record import Log, Record, now
+from vld.metrics.taxonomy import reason_of
+from vld.records import EpisodeRecord, Task
+
+LINE_LIMIT = 64 * 1024 * 1024
+END_S = 20.0
+
+Pictures = Literal["none", "failures", "all"]
+
+
+class Job(Wire):
+    """What a worker is told first. `environment` goes to the services on top of its own, `sim` and `gateway` to one."""
+
+    folder: str
+    logs: str
+    mission: MissionSettings
+    backend: Name
+    environment: dict[str, str] = {}
+    sim: dict[str, str] = {}
+    gateway: dict[str, str] = {}
+    pictures: Pictures = "none"
+    episode_s: float = Field(default=900.0, gt=0.0)
+
+
+class Ready(Wire):
+    """The worker's first answer: `problem` says why it can't fly, where it can't."""
+
+    problem: str | None = None
+
+
+class Unwritten:
+    """A log for runs that keep nothing but results."""
+
+    def write(
+        self,
+        phase: Phase,
+        kind: str,
+        message: str,
+        data: Mapping[str, Any] | None = None,
+        pictures: Mapping[str, bytes] | None = None,
+    ) -> None:
+        """Forgets it."""
+
+
+class ClockedWorld:
+    """The world, with the time that its renderer took added up."""
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self.render_s = 0.0
+
+    async def start(self, question: EpisodeQuestion) -> Episode:
+        return await self._world.start(question)
+
+    async def observe(
+        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
+    ) -> Observation:
+        seen = await self._world.observe(episode, headings=headings, size=size)
+        self.render_s += seen.render_s
+        return seen
+
+    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
+        return await self._world.move(episode, number, move)
+
+    async def claim(self, episode: str, claim: Claim) -> Verdict:
+        return await self._world.claim(episode, claim)
+
+    async def end(self, episode: str) -> None:
+        await self._world.end(episode)
+
+
+class Worker:
+    """Services, and the flights through them."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self._group: Processes | None = None
+        self._services: Services | None = None
+        self._starts = 0
+
+    async def start(self) -> None:
+        """Fresh services on free ports. Raises CannotStart."""
+        await self.stop()
+        job = self._job
+        ports = free_ports(FLIGHT_SERVICES)
+        gateway = {"ORACLE_SIM_URL": f"http://127.0.0.1:{ports['sim']}"} if job.backend == "oracle" else {}
+        sim = {"SIM_TRUTH": "on"} if job.backend == "oracle" else {}
+        self._starts += 1
+        environment = own_environment() | job.environment | {"PARENT_PID": str(os.getpid())}
+        group = Processes(
+            ports,
+            Path(job.logs) / str(self._starts),
+            environment=environment,
+            extra={"sim": sim | job.sim, "vlm_gateway": gateway | job.gateway},
+        )
+        # remembered before it is ready, so that whatever interrupts the start stops it
+        self._group = group
+        group.start()
+        await group.ready()
+        self._services = Services(group.addresses, gateway_token=environment.get("GATEWAY_TOKEN"))
+
+    async def stop(self) -> None:
+        services, group = self._services, self._group
+        self._services = self._group = None
+        if services is not None:
+            await services.close()
+        if group is not None:
+            await asyncio.to_thread(group.stop)
+
+    async def fly(self, task: Task, gone: asyncio.Event) -> EpisodeRecord | None:
+        """The task's record, whatever happened; null when `gone` was set meanwhile."""
+        started, began = now(), time.perf_counter()
+        result: DeliveryResult | None = None
+        error: str | None = None
+        render_s = 0.0
+        folder = self._record_folder(task)
+        try:
+            if self._services is None or self._group is None or self._group.ended() is not None:
+                await self.start()
+            assert self._services is not None
+            ports = self._services.ports()
+            world = ClockedWorld(ports.world)
+            own = Ports(parser=ports.parser, vision=ports.vision, depth=ports.depth, world=world)
+            try:
+                result = await self._flown(task, own, folder, gone)
+            finally:
+                render_s = world.render_s
+            if gone.is_set():
+                return None
+            if result is None:
+                error = f"the episode took longer than {self._job.episode_s:g} s"
+                await self.start()
+        except CannotStart as cause:
+            error = f"the services could not be started: {cause}"
+        except Exception as cause:
+            error = f"{type(cause).__name__}: {cause}"
+        if error is None and self._group is not None and (ended := self._group.ended()) is not None:
+            error = f"{ended.name} ended with code {ended.process.returncode} during the episode"
+        reason = reason_of(task, result)
+        if error is None and reason == "error" and result is not None:
+            error = result.message
+        if folder is not None and self._job.pictures == "failures" and reason == "success":
+            shutil.rmtree(folder, ignore_errors=True)
+            folder = None
+        return EpisodeRecord(
+            task=task.id,
+            reason=reason,
+            result=result,
+            error=error,
+            started=started,
+            wall_s=round(time.perf_counter() - began, 4),
+            render_s=round(render_s, 4),
+            model_s=round(sum(c.seconds for c in result.model_calls.values()), 4) if result else 0.0,
+            folder=f"episodes/{task.id}" if folder is not None else None,
+        )
+
+    async def _flown(self, task: Task, ports: Ports, folder: Path | None, gone: asyncio.Event) -> DeliveryResult | None:
+        """Null where it took too long, or `gone` was set."""
+        settings = self._settings(task)
+        record = self._record(task, settings, folder) if folder is not None else None
+        log: Log = record or Unwritten()
+        question = EpisodeQuestion(scene=task.scene, flight=settings.flight)
+        try:
+            flight = asyncio.create_task(Mission(ports, settings, log).fly(task.request, question))
+            leaving = asyncio.create_task(gone.wait())
+            done, _ = await asyncio.wait(
+                {flight, leaving}, timeout=self._job.episode_s, return_when=asyncio.FIRST_COMPLETED
+            )
+            leaving.cancel()
+            if flight not in done:
+                flight.cancel()
+                await asyncio.wait({flight}, timeout=END_S)
+                return None
+            result = flight.result()
+            if record is not None:
+                record.conclude(result)
+                record.announce(result)
+            return result
+        finally:
+            if record is not None:
+                record.close()
+
+    def _settings(self, task: Task) -> MissionSettings:
+        """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""
+        mission = self._job.mission
+        seed = (mission.seed + zlib.crc32(task.id.encode())) % 2**31
+        return mission.model_copy(update={"vision_model": self._job.backend, "seed": seed})
+
+    def _record_folder(self, task: Task) -> Path | None:
+        if self._job.pictures == "none":
+            return None
+        folder = Path(self._job.folder) / "episodes" / task.id
+        shutil.rmtree(folder, ignore_errors=True)  # what a killed session left of it
+        return folder
+
+    def _record(self, task: Task, settings: MissionSettings, folder: Path) -> Record:
+        question = DeliveryQuestion(
+            request=task.request, scene=task.scene, backend=self._job.backend, settings=settings
+        )
+        delivery = Delivery(
+            id=task.id,
+            status="waiting",
+            phase="parse",
+            request=task.request,
+            scene=task.scene.name,
+            created=now(),
+            folder=str(folder),
+        )
+        return Record(folder, delivery, question)
+
+
+async def serve() -> int:
+    """The process: answers every line of its input. Returns its exit status."""
+    loop = asyncio.get_running_loop()
+    reader = asyncio.StreamReader(limit=LINE_LIMIT)
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
+    first = await reader.readline()
+    if not first:
+        return 0
+    worker = Worker(Job.model_validate_json(first))
+    gone = asyncio.Event()
+    lines: asyncio.Queue[bytes] = asyncio.Queue()
+
+    async def listen() -> None:
+        while line := await reader.readline():
+            lines.put_nowait(line)
+        gone.set()
+        lines.put_nowait(b"")
+
+    listener = asyncio.create_task(listen())
+    try:
+        starting = asyncio.create_task(worker.start())
+        leaving = asyncio.create_task(gone.wait())
+        await asyncio.wait({starting, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        leaving.cancel()
+        if not starting.done():
+            starting.cancel()
+            await asyncio.wait({starting})
+            return 0
+        try:
+            starting.result()
+        except CannotStart as error:
+            _answer(Ready(problem=str(error)))
+            return 1
+        _answer(Ready())
+        while line := await lines.get():
+            record = await worker.fly(Task.model_validate_json(line), gone)
+            if record is None:
+                break
+            _answer(record)
+        return 0
+    finally:
+        listener.cancel()
+        await worker.stop()
+
+
+def _answer(message: Wire) -> None:
+    sys.stdout.write(message.model_dump_json() + "\n")
+    sys.stdout.flush()
+
+
+def main() -> int:
+    """Returns the exit status; a message that is not of the contract ends it with one line."""
+    try:
+        # whoever gave the work may have been killed: then nobody reads the answers
+        with contextlib.suppress(BrokenPipeError):
+            return asyncio.run(serve())
+    except ValidationError as error:
+        sys.stderr.write(f"vld.bench.worker: {error.errors()[0]['msg']}\n")
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
