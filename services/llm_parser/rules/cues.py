@@ -104,7 +104,7 @@ def before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
 
 def _sought(back: list[str]) -> float:
     """ "look for a ...", "marked by the ...", "Marker: ..."."""
-    first, near = back[0], set(back[:4])
+    first, second, near = back[0], back[1], set(back[:4])
     score = 0.0
     looks = near & _SEEK and (first in _SEEK or first in ("for", "out", "at") or "for" in back[:3])
     looks = looks or (first in ("on", "for") and back[1] in ("eye", "eyes"))
@@ -117,7 +117,8 @@ def _sought(back: list[str]) -> float:
         score += 1.0
     if first in ("still", "mentioned"):
         score += 1.5
-    if first in ("on", "in", "to", "for", "into", "from", "about", "until") and not looks and not near & _LOOK:
+    beside = first == "to" and second in ("next", "close", "adjacent", "closest", "nearest")
+    if first in ("on", "in", "to", "for", "into", "from", "about", "until") and not beside and not looks and not near & _LOOK:
         score -= 1.5
     return score
 
@@ -128,7 +129,7 @@ def _had(back: list[str]) -> float:
     if first == "of" and second in lex.ANCHORS:
         return 4.0
     if first in _HAVE and _of_building(back):
-        return -2.0
+        return -6.0
     if first not in _HAVE and not (first in ("up", "out") and second in _HAVE):
         apart = set(back[1:5]) & words("have has got") and set(back[:4]) & lex.ANCHORS
         return 3.0 if apart else 0.0
@@ -277,6 +278,8 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 2.0
     if first in ("is", "are") and second in ("the", "my", "our", "a", "your") and ahead[2:3] and ahead[2] in _LANDMARKS:
         score += 3.5
+    if set(ahead[:2]) & _AMOUNTS:
+        score -= 3.0
     if "instead" in ahead[:2]:
         score += 2.0
     if first == "do":
@@ -286,6 +289,7 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     return score
 
 
+_AMOUNTS = words("qty quantity pcs units")
 _LANDMARKS = words("landmark mark marker sign signal beacon clue guide hint")
 _WANTED = words("find see look spot want need keep kept put placed hung")
 _IS_THERE = words("still at by outside in on hanging visible mine my right")

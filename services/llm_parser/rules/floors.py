@@ -1,11 +1,13 @@
 """Which of the floors that a request names is the customer's: the form and the context of each mention, added up."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
 
 from services.llm_parser.rules import lexicon as lex
 from services.llm_parser.rules import sayings, scope
 from services.llm_parser.rules.lexicon import words
-from services.llm_parser.rules.mentions import DISPLAYS, FloorMention, find_mentions
+from services.llm_parser.rules.mentions import DISPLAYS, find_mentions
+from services.llm_parser.rules.relatives import FloorMention
 from services.llm_parser.rules.tokens import Token
 
 _PREDICATES = words(
@@ -33,7 +35,8 @@ class Floors:
             good = [replace(m, score=m.score + m.doubt) for m in self.mentions if m.score + m.doubt > 1.0]
         if not good:
             return None
-        return max(good, key=lambda m: (m.score + 0.5 * sum(o.floor == m.floor for o in good), m.first))
+        times = Counter(m.floor for m in good)
+        return max(good, key=lambda m: (m.score + 0.5 * times[m.floor], m.first))
 
 
 def find_floors(tokens: list[Token]) -> Floors:

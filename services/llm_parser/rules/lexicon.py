@@ -78,7 +78,7 @@ VERBS = words(
     "swings sways lights glows appears sings met ran ate drank drove rode sang swam threw wore woke grew drew fed fought "
     "froze hid laid lent rang shut slept slid spent spoke stole struck swept swore taught tore understood became began "
     "blew broke bump bumped carried fastened won owns adorned attached rely depends depend shall suppose supposed "
-    "swallow replied reply rate rates judge regret"
+    "wanting swallow replied reply rate rates judge regret"
 )
 NOUN_OR_VERB = words(
     "hard bear plant saw watch stand ring swing float stick drill can light lights wave block guard drop set post "
@@ -88,7 +88,9 @@ NOUN_OR_VERB = words(
 )
 """Inside a noun phrase these are nouns ("teddy bear", "hand saw"), elsewhere they are not."""
 
-ADJECTIVE_OR_VERB = words("open easy upright lit hung lost outdoor super cool loose cut bent wound set true fine fast lone")
+ADJECTIVE_OR_VERB = words(
+    "open easy upright lit hung lost outdoor super cool loose cut bent wound set true fine fast lone"
+)
 """Right in front of a thing these describe it ("an open umbrella"), elsewhere they are verbs or adverbs."""
 
 DEPICTIONS = words(

@@ -1,13 +1,12 @@
-"""Where a request names a floor and which one: ordinals, numbers, the ground, the top, relative floors, totals."""
+"""Where a request names a floor and which one: ordinals, numbers, the ground, the top, totals."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from services.llm_parser.rules import lexicon as lex
 from services.llm_parser.rules.lexicon import words
+from services.llm_parser.rules.relatives import DOWN, HIGHEST, UP, FloorMention, with_relatives
 from services.llm_parser.rules.tokens import Kind, Token
 
-HIGHEST = 200
 _BUILDINGS = words(
     "building tower block house high-rise highrise skyscraper apartment tenement complex hotel residence monster "
     "giant beast condo"
@@ -18,21 +17,7 @@ _NO_FLOOR_BEFORE = words(
     "at age aged of past half about around for pin bus route lane line item items"
 )
 _COUNTING = words("of more past to times")
-_UP = words("above over higher up")
-_DOWN = words("below under beneath underneath lower down")
 DISPLAYS = words("says say reads shows show display written press push button marked labelled labeled saying")
-
-
-@dataclass(frozen=True, slots=True)
-class FloorMention:
-    """Tokens `first` to `last` (exclusive) name `floor`; `score` is how much speaks for it, `doubt` the part of it
-    that is held against a mention for being some third person's."""
-
-    first: int
-    last: int
-    floor: int
-    score: float
-    doubt: float = 0.0
 
 
 class Mentions(NamedTuple):
@@ -87,7 +72,7 @@ class _Finder:
                 step = self._top(at)
             at += step or 1
         self._resolve_tops()
-        self._relatives()
+        self.found = with_relatives(self._tokens, self.found, self.taken)
 
     def _ordinal(self, at: int) -> int:
         value = self._tokens[at].value
@@ -134,7 +119,7 @@ class _Finder:
             if plural and self._norm(noun + 1) in ("up", "high") and not self._is_base_ahead(noun + 2):
                 self._add(at, noun + 2, value, 3.5)
                 return noun + 2 - at
-            if self._norm(noun + 1) in _UP | _DOWN and not (plural and before in ("and", "has", "have", "with")):
+            if self._norm(noun + 1) in UP | DOWN and not (plural and before in ("and", "has", "have", "with")):
                 return 0
             if plural or following & _BUILDINGS or (before in ("a", "an", "this", "the") and following & {"tall"}):
                 self.taken.update(range(at, noun + 1))
@@ -155,7 +140,7 @@ class _Finder:
 
     def _bare_cardinal(self, at: int) -> float:
         """What speaks for a number alone being a floor: "up on twelve", "number 7!", "it says 7 in the lift"."""
-        if self._norm(at) == "one" and not (self._norm(at - 2) == "up" or self._norm(at - 1) == "number"):
+        if self._norm(at) == "one" and not (self._norm(at - 2) == "up" or self._norm(at - 1) in ("number", "not")):
             return 0.0
         before, second, third = self._norm(at - 1), self._norm(at - 2), self._norm(at - 3)
         following = self._tokens[at + 1] if at + 1 < self._size else None
@@ -268,7 +253,7 @@ class _Finder:
             and (self._kind(at + 1) is not Kind.WORD or self._norm(at + 1) in lex.CLOSED)
         ):
             rel = {self._norm(at - 2), self._norm(at - 3)}
-            if rel & (_DOWN | {"from"}) or self._norm(at - 2) in ("at", "to"):
+            if rel & (DOWN | {"from"}) or self._norm(at - 2) in ("at", "to"):
                 self._tops.append(at)
                 return 1
         return 0
@@ -287,74 +272,3 @@ class _Finder:
     def _is_base_ahead(self, at: int) -> bool:
         ahead = [self._norm(i) for i in range(at, at + 2)]
         return "from" in ahead or "than" in ahead
-
-    def _relatives(self) -> None:
-        """ "two floors above the fourth", "the floor below the ninth", "one below the top", "one floor higher"."""
-        self.found.sort(key=lambda m: m.first)
-        made: list[FloorMention] = []
-        gone: set[int] = set()
-        for index, base in enumerate(self.found):
-            shift = self._shift_before(base.first)
-            if shift is not None:
-                first, offset = shift
-                value = base.floor + offset
-                gone.add(index)
-                if 1 <= value <= HIGHEST:
-                    made.append(FloorMention(first, base.last, value, base.score + 3.0))
-                    self.taken.update(range(first, base.last))
-        kept = [m for i, m in enumerate(self.found) if i not in gone]
-        self.found = sorted([*kept, *made], key=lambda m: m.first)
-        self._relative_to_previous()
-
-    def _shift_before(self, base: int) -> tuple[int, int] | None:
-        at = base - 1
-        limit = max(0, base - 7)
-        while at >= limit and self._norm(at) not in _UP | _DOWN | {"from", "than"}:
-            if self._tokens[at].kind in (Kind.STOP, Kind.SYMBOL) or self._norm(at) in ("to", "and", "but", "i", "we"):
-                return None
-            at -= 1
-        if at < limit:
-            return None
-        if self._norm(at) in ("from", "than"):
-            at -= 1
-        word = self._norm(at)
-        if word not in _UP | _DOWN:
-            return None
-        sign = 1 if word in _UP else -1
-        before = at - 1
-        if self._norm(before) == "directly" or self._norm(before) in ("just", "right", "immediately", "straight"):
-            before -= 1
-            if self._norm(before) not in lex.FLOOR_NOUNS:
-                return (before + 1, sign)
-        had_noun = self._norm(before) in lex.FLOOR_NOUNS
-        if had_noun:
-            before -= 1
-        if self._norm(before) == "more":
-            before -= 1
-        if self._kind(before) is Kind.CARDINAL and self._tokens[before].value < 100:
-            return (before, sign * self._tokens[before].value)
-        if had_noun and self._norm(before) in ("the", "a", "next", "very", "one"):
-            return (before, sign)
-        if self._norm(before) == "one" or self._norm(before) == "single":
-            return (before, sign)
-        return None
-
-    def _relative_to_previous(self) -> None:
-        """ "... but we are one floor higher": relative to the floor named just before."""
-        for at in range(self._size - 2):
-            token = self._tokens[at]
-            if token.kind is not Kind.CARDINAL or at in {i for m in self.found for i in range(m.first, m.last)}:
-                continue
-            noun = self._norm(at + 1) in lex.FLOOR_NOUNS
-            word = self._norm(at + 1 + noun)
-            if word in ("higher", "lower") or (
-                noun and word in ("above", "below") and self._norm(at + 3) in ("that", "it")
-            ):
-                previous = [m for m in self.found if m.last <= at]
-                if previous:
-                    base = previous[-1]
-                    value = base.floor + (token.value if word in ("higher", "above") else -token.value)
-                    if 1 <= value <= HIGHEST:
-                        self.found.append(FloorMention(at, at + 2 + noun, value, base.score + 3.0))
-                        self.taken.update(range(at, at + 2 + noun))
-        self.found.sort(key=lambda m: m.first)

@@ -69,7 +69,9 @@ def _stands_alone(tokens: list[Token], scored: ScoredPhrase, taken: Set[int]) ->
     phrase = scored.phrase
     head = tokens[phrase.head]
     long = phrase.last - phrase.first > 1
-    if phrase.determiner in ("a", "an") or (phrase.determiner == "the" and (long or cues.own_worth(tokens, phrase) > 0)):
+    if phrase.determiner in ("a", "an") or (
+        phrase.determiner == "the" and (long or cues.own_worth(tokens, phrase) > 0)
+    ):
         return scored.score >= LEAST and phrase.head != 0
     named = head.raw[:1].isupper() and phrase.lead > 0
     return scored.score >= -0.25 and cues.is_clause(tokens, phrase, taken) and not named and len(head.norm) > 2

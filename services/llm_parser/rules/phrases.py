@@ -121,8 +121,10 @@ class _Chunker:
             return False
         if at > 0 and self._tokens[at - 1].norm in (":", "="):
             return True
-        return self._is_break(at - 1) and self._is_break(at + 2) and (
-            self._norm(at) not in _COMMANDS or self._norm(at + 1) in words("sign hat")
+        return (
+            self._is_break(at - 1)
+            and self._is_break(at + 2)
+            and (self._norm(at) not in _COMMANDS or self._norm(at + 1) in words("sign hat"))
         )
 
     def _is_break(self, at: int) -> bool:
@@ -209,6 +211,8 @@ class _Chunker:
 
     def _is_sign_text(self, at: int) -> bool:
         """What a sign says is part of its name: "a no parking sign", "a neon open sign"."""
+        if self._norm(at) not in _SIGN_TEXT:
+            return False
         end = at
         while end < at + 3 and self._norm(end) in _SIGN_TEXT:
             end += 1

@@ -140,7 +140,7 @@ def after(tokens: list[Token], at: int, limit: int) -> str:
     """The words from token `at` on, up to `limit` (exclusive), 10 words or a clause about something else, as one text
     for a look at fixed phrases; "|" is the end of a sentence."""
     said: list[str] = []
-    for index in range(at, min(limit, at + 11, len(tokens))):
+    for index in range(at, min(limit, at + 13, len(tokens))):
         token = tokens[index]
         if token.kind is Kind.STOP:
             said.append("|")
@@ -162,7 +162,7 @@ def denied_after(text: str) -> bool:
     own = _ANOTHER_MATTER.split(text)[0] if " not my " not in text else text
     if "|" in own:
         first, second = own.split("|", 1)
-        goes_on = second.startswith((" that is", " it is not", " not", " stay away"))
+        goes_on = second.startswith((" that is", " no ", " it is not", " not", " stay away"))
         own = first + (second.split("|")[0] if goes_on else "")
     return _DENIAL.search(own) is not None or _BELONGS_ELSEWHERE.search(own) is not None
 

@@ -113,7 +113,19 @@ _LONG_TARGETS = sorted(
 )
 
 _PROTECTED = words(
-    "bedside brolly donut donuts placard placards shield shields tank tanks bench wreath bread thread whisk tile tiles hood "
+    "bedside brolly file warning handling setting logging stored starting masked loading become slot slots abort held "
+    "vary alter mapped haven raising strides stride package gain signing walking severity forth outline locking sibling "
+    "hashing replay intend mocking verb staging wild strips rating losing nicely mike realty planned stacking hell "
+    "boring wasting spit spill skill skills racing ranging flop bundling passage readily flavors stalling mins stormy "
+    "insane outlive outsize stress cold outsider played market viable staying hacking sizing steven halting mounting "
+    "waking fist fink thaw ledger fend striding pascal sever moaning mourning mornings wanton wading wailing whiting "
+    "baiting hauling packing parking barking marching matching banking ranking thief theft sleet street sweet swing "
+    "stifle stile stilts still silt silo silver slid sofa florist floret afloat ghost toast roast forty party pastry "
+    "heading feeding reading weeding wedding spreading cloth clothes closet cloves north month mouth worth broth "
+    "shovel shore shawl shelter shuttle stein stern steel steam stew stump stripes striped strap string winding "
+    "banding lending mending bending sunning running ringing bringing singing stinging tingling hinging canning "
+    "tanning fanning panning landing blending bonding ponding pending "
+    "donut donuts placard placards shield shields tank tanks bench wreath bread thread whisk tile tiles hood "
     "lantern lanterns lattice knight height apron inlet flair throne thorn liver linen novel bevel waffle rooster "
     "boaster coaster toaster stereo stork cornet bonnet behave lilac lotus loom floss flask flake flock finch "
     "hearth sleigh sloth lasso hanger wander window willow wallow walnut widget pantry cello celery grass brass "

@@ -61,6 +61,9 @@ _SCAN = re.compile(
     re.VERBOSE,
 )
 
+MOST_TOKENS = 1000
+"""The longest request in plain English has fewer; what comes behind is not read, so that the work stays bounded."""
+
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "`": "'", "´": "'", "‑": "-", "\u00a0": " "})
 
 _ABBREVIATIONS = words("mr mrs ms dr no nr st flr apt fl lvl attn tel ext sr vs approx")
@@ -125,6 +128,8 @@ def tokenize(text: str) -> list[Token]:
     tokens: list[Token] = []
     sentence = 0
     for match in _SCAN.finditer(plain):
+        if len(tokens) >= MOST_TOKENS:
+            break
         group = match.lastgroup or "other"
         raw, start, end = match.group(), match.start(), match.end()
         if group == "word":
