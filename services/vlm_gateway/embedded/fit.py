@@ -8,6 +8,8 @@ import argparse
 import json
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,7 +21,7 @@ from contracts.labelled import LABELS_FILE, LabelledView
 from contracts.sim import Catalogue, VisibleObject
 from services.vlm_gateway.embedded.bands import BANDS, column_bands, peaks, row_bands, small
 from services.vlm_gateway.embedded.colours import BINS, BITS, Patch, bin_index, coded, likeness, patches
-from services.vlm_gateway.embedded.describe import describe
+from services.vlm_gateway.embedded.describe import describe, width
 from services.vlm_gateway.embedded.model import FOLDER, ROW_APART, nominal
 from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
 from services.vlm_gateway.embedded.words import Vocabulary
@@ -28,6 +30,9 @@ Floats = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 VERSION = "1"
 _HEAT_WIDTH = 1.6
+COLOURS_A_PICTURE = 3
+BACKGROUND = 4
+TABLE_EVERY = 3
 _WRONG_CLAIMS = 0.004
 """Allowed share of (view, phrase) questions about absent things that are answered with a claim."""
 
@@ -88,9 +93,9 @@ def train(
         order = rng.permutation(len(x))
         for at in range(0, len(x), batch):
             pick = order[at : at + batch]
-            xb = x[pick] + rng.normal(0, 0.15, (len(pick), d)).astype(np.float32)
+            xb = x[pick] + np.float32(0.15) * rng.standard_normal((len(pick), d), dtype=np.float32)
             raw = xb @ weights[0] + weights[1]
-            drop = (rng.random(raw.shape) > 0.2).astype(np.float32) / 0.8
+            drop = (rng.random(raw.shape, dtype=np.float32) > 0.2).astype(np.float32) / 0.8
             h = np.maximum(raw, 0) * drop
             out = h @ weights[2] + weights[3]
             wrong = ((softmax(out) if exclusive else sigmoid(out)) - y[pick]) / len(pick)
@@ -158,7 +163,7 @@ def colour_tables(shown: list[Shown], colours: tuple[str, ...]) -> NDArray[np.ui
     """(colours, BINS) 0..255: likeness of each pixel colour to each name, counted inside and outside the boxes."""
     inside = np.zeros((len(colours), BINS))
     outside = np.zeros(BINS)
-    for one in shown:
+    for one in shown[::TABLE_EVERY]:
         label = one.label
         if kept_back(label):
             continue
@@ -185,29 +190,45 @@ def colour_tables(shown: list[Shown], colours: tuple[str, ...]) -> NDArray[np.ui
     return tables
 
 
-def patch_task(shown: list[Shown], tables: NDArray[np.uint8], words: Vocabulary, seed: int) -> Task:
-    """Every patch of the colours that a picture's things have and of one more colour: its class, the last for none."""
-    rng = np.random.default_rng(seed)
-    xs, ys, held = [], [], []
-    for one in shown:
-        label = one.label
-        picture = nominal(one.rgb)
-        code = coded(picture)
-        present = {t.colour for t in label.truth.objects if t.colour in words.colours}
-        asked = sorted(present | {str(rng.choice(words.colours))})
-        for colour in asked:
-            number = words.colours.index(colour)
-            like = likeness(code, tables[number])
-            found = patches(like)
-            kinds = [class_of(p, label.truth.objects, colour, words, picture.shape[0]) for p in found]
-            keep = [i for i, k in enumerate(kinds) if k is not None]
-            if not keep:
-                continue
-            xs.append(describe(picture, like, [found[i] for i in keep], number, len(words.colours)).astype(np.float16))
-            ys.append(np.array([kinds[i] for i in keep]))
-            held.append(np.full(len(keep), kept_back(label)))
-    y = np.eye(len(words.kinds) + 1, dtype=np.float32)[np.concatenate(ys)]
-    return Task(np.concatenate(xs).astype(np.float32), y, np.concatenate(held))
+class Patches(NamedTuple):
+    """One picture's patches: their descriptions (N, D) in half precision, and their classes (N,)."""
+
+    x: NDArray[np.float16]
+    kinds: NDArray[np.int64]
+
+
+def patches_of(number: int, one: Shown, tables: NDArray[np.uint8], words: Vocabulary) -> Patches:
+    """The patches of a few of the colours that the picture's things have, and of one more colour."""
+    rng = np.random.default_rng((3, number))
+    picture = nominal(one.rgb)
+    code = coded(picture)
+    things = one.label.truth.objects
+    present = sorted({t.colour for t in things if t.colour in words.colours})
+    asked = {str(c) for c in rng.permutation(present)[:COLOURS_A_PICTURE]} | {str(rng.choice(words.colours))}
+    xs: list[NDArray[np.float16]] = [np.zeros((0, width(len(words.colours))), np.float16)]
+    kinds: list[int] = []
+    for colour in sorted(asked):
+        like = likeness(code, tables[words.colours.index(colour)])
+        pairs = [(p, class_of(p, things, colour, words, picture.shape[0])) for p in patches(like)]
+        told = [(p, kind) for p, kind in pairs if kind is not None]
+        row = describe(picture, like, [p for p, _ in told], words.colours.index(colour), len(words.colours))
+        xs.append(row.astype(np.float16))
+        kinds += [kind for _, kind in told]
+    return Patches(np.concatenate(xs), np.array(kinds, np.int64))
+
+
+def patch_task(shown: list[Shown], tables: NDArray[np.uint8], words: Vocabulary, workers: int) -> Task:
+    """Patches and their classes, the last for none; of what shows nothing, a draw of BACKGROUND for each thing."""
+    cv2.setNumThreads(1)
+    with ProcessPoolExecutor(workers) as pool:
+        each = list(pool.map(partial(patches_of, tables=tables, words=words), range(len(shown)), shown, chunksize=16))
+    kinds = np.concatenate([e.kinds for e in each])
+    held = np.repeat([kept_back(s.label) for s in shown], [len(e.kinds) for e in each])
+    things = kinds < len(words.kinds)
+    share = BACKGROUND * int(things.sum()) / max(1, int((~things).sum()))
+    keep = things | held | (np.random.default_rng(5).random(len(kinds)) < share)
+    x = np.concatenate([e.x for e in each])[keep].astype(np.float32)
+    return Task(x, np.eye(len(words.kinds) + 1, dtype=np.float32)[kinds[keep]], held[keep])
 
 
 def class_of(p: Patch, things: tuple[VisibleObject, ...], colour: str, words: Vocabulary, side: int) -> int | None:
@@ -267,6 +288,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("folders", type=Path, nargs="+")
     parser.add_argument("--out", type=Path, default=FOLDER)
     parser.add_argument("--epochs", type=int, default=30)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--hidden", type=int, default=128)
     chosen = parser.parse_args(arguments)
     catalogue = Catalogue.model_validate_json((chosen.folders[0] / "catalogue.json").read_text(encoding="utf-8"))
@@ -283,9 +305,10 @@ def main(arguments: list[str]) -> int:
     rows = train(rows_task, 48, chosen.epochs, 1, exclusive=False)
     columns = train(columns_task, 24, chosen.epochs, 2, exclusive=False)
     row_likely, exact = choose_row_threshold(rows, shown)
+    sys.stdout.flush()
     say(f"floors: threshold {row_likely:.2f}, {exact:.3f} of the kept-back pictures counted exactly\n")
     tables = colour_tables(shown, words.colours)
-    task = patch_task(shown, tables, words, 3)
+    task = patch_task(shown, tables, words, chosen.workers)
     say(f"{len(task.x)} patches, {int(task.y[:, :-1].sum())} of things\n")
     classes = train(task, chosen.hidden, chosen.epochs, 4, exclusive=True)
     sure, recall, wrong = choose_sure(classes, task)
