@@ -33,8 +33,9 @@ _HEAT_WIDTH = 1.6
 COLOURS_A_PICTURE = 3
 BACKGROUND = 4
 TABLE_EVERY = 3
-_WRONG_CLAIMS = 0.004
-"""Allowed share of (view, phrase) questions about absent things that are answered with a claim."""
+_WRONG_CLAIMS = 0.011
+"""Allowed share of patches whose best class is wrong and sure: about 25 patches a view over 68 classes make it 0.4 %
+of the views in which any one absent thing is asked for."""
 
 
 class Shown(NamedTuple):
@@ -260,7 +261,7 @@ def choose_sure(classes: Perceptron, task: Task) -> tuple[float, float, float]:
     guess = scores[:, :none].argmax(axis=1)
     best = scores[np.arange(len(scores)), guess]
     chosen = (0.95, 0.0, 0.0)
-    for threshold in np.arange(0.95, 0.3, -0.025):
+    for threshold in np.arange(0.95, 0.34, -0.025):
         claims = best >= threshold
         wrong = float((claims & (guess != truth)).sum() / max(1, len(truth)))
         recall = float((claims & (guess == truth)).sum() / max(1, (truth != none).sum()))
