@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from contracts.base import Metres, Name, Wire
-from contracts.depth_assist import ApproachSettings, SafeDistanceSettings, ViewpointSettings
+from contracts.depth_assist import ApproachSettings, ExploreSettings, SafeDistanceSettings, ViewpointSettings
 from contracts.geometry import Pose
 from contracts.scene import Scene
 from contracts.sim import Flight, Verdict
@@ -39,6 +39,7 @@ class MissionSettings(Wire):
     choice: Literal["model", "centre"] = "model"
     viewpoint: ViewpointSettings = ViewpointSettings()
     safe_distances: SafeDistanceSettings = SafeDistanceSettings()
+    explore: ExploreSettings = ExploreSettings()
     approach: ApproachSettings = ApproachSettings(stop_distance_m=1.5)
     flight: Flight = Flight()
     parser_model: Name | None = None

@@ -10,6 +10,8 @@ from pydantic import BaseModel
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
+    ExploreAnswer,
+    ExploreQuestion,
     SafeDistancesAnswer,
     SafeDistancesQuestion,
     ViewpointAnswer,
@@ -93,6 +95,9 @@ class HttpDepthAssist:
 
     async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
         return await _reached(self._client.call("POST", "/v1/approach", ApproachAnswer, question))
+
+    async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
+        return await _reached(self._client.call("POST", "/v1/explore", ExploreAnswer, question))
 
 
 class HttpWorld:

@@ -12,6 +12,8 @@ from typing import Protocol
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
+    ExploreAnswer,
+    ExploreQuestion,
     SafeDistancesAnswer,
     SafeDistancesQuestion,
     ViewpointAnswer,
@@ -79,6 +81,8 @@ class DepthAssist(Protocol):
     async def safe_distances(self, question: SafeDistancesQuestion) -> SafeDistancesAnswer: ...
 
     async def approach(self, question: ApproachQuestion) -> ApproachAnswer: ...
+
+    async def explore(self, question: ExploreQuestion) -> ExploreAnswer: ...
 
 
 class World(Protocol):

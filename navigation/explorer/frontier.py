@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navigation.explorer.facade import Walls
-from navigation.explorer.map import CELL_M, FREE, UNKNOWN, Map, cells_of, from_turns, to_turns
+from navigation.explorer.map import CELL_M, FREE, SIZE, UNKNOWN, Cells, Map, cells_of, from_turns, to_turns
 from navigation.explorer.scan import BINS, Scan
 from navigation.explorer.settings import Settings
 
@@ -18,6 +18,7 @@ LIKE = 0.8
 """Cosine from which two normals count as of one wall."""
 _FREE_END_M = 3.0
 _FEW = 3
+_LOOK_OUT = 24
 
 
 class Guess(NamedTuple):
@@ -54,23 +55,35 @@ def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settin
 
 
 def forget(grid: Map, target: Bools) -> None:
-    """Drops, in place, expected cells that became known, lie beside the target's wall of like normal, or between two of
-    its cells, or failed to show when a stop was flown to see them."""
-    expected = grid.expected
-    rows, columns = np.nonzero(expected)
+    """Drops, in place, expected cells that became known, lie beside the target's wall of like normal, between two of
+    its cells or behind it, or failed to show when a stop was flown to see them."""
+    rows, columns = np.nonzero(grid.expected)
     if not len(rows):
         return
     keep = (grid.state[rows, columns] == UNKNOWN) & (grid.attempts[rows, columns] == 0)
     own = from_turns(grid.normal[rows, columns])
     beside = np.zeros(len(rows), np.intp)
-    last = grid.state.shape[0] - 1
+    last = SIZE - 1
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             r, c = np.clip(rows + down, 0, last), np.clip(columns + right, 0, last)
             there = target[r, c]
             beside += there
             keep &= ~(there & ((from_turns(grid.normal[r, c]) * own).sum(axis=1) > LIKE))
-    expected[rows, columns] = keep & (beside < 2)
+    grid.expected[rows, columns] = keep & (beside < 2) & ~_is_behind(grid, target, rows, columns, own)
+
+
+def _is_behind(grid: Map, target: Bools, rows: Cells, columns: Cells, normals: Floats) -> Bools:
+    """(N,) does the wall stand before a cell, so that what is expected there lies inside the building? That is: going
+    out along its normal, the first known cell is the target's."""
+    out = np.arange(1, _LOOK_OUT + 1)
+    r = np.clip(np.rint(rows[:, None] + out * normals[:, 1:]), 0, SIZE - 1).astype(np.intp)
+    c = np.clip(np.rint(columns[:, None] + out * normals[:, :1]), 0, SIZE - 1).astype(np.intp)
+    known = grid.state[r, c] != UNKNOWN
+    first = known.argmax(axis=1)
+    at = np.arange(len(rows))
+    behind: Bools = known.any(axis=1) & target[r[at, first], c[at, first]]
+    return behind
 
 
 def _beyond(

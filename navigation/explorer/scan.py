@@ -32,22 +32,19 @@ class Scan(NamedTuple):
     @property
     def angles(self) -> Floats:
         """(BINS,) direction of each bin's middle, radians counter-clockwise from east; falls from left to right."""
-        angles: Floats = np.deg2rad(-bin_bearings_deg())
-        angles += self.pose.yaw
-        return angles
+        return self.pose.yaw - np.deg2rad(bin_bearings_deg())
 
     def points(self, ranges_m: Floats) -> Floats:
         """(BINS, 2) ENU plan points at the given ranges; not finite where the range is not."""
         with np.errstate(invalid="ignore"):
             x = self.pose.x + ranges_m * np.cos(self.angles)
             y = self.pose.y + ranges_m * np.sin(self.angles)
-        plan: Floats = np.stack((x, y), axis=1)
-        return plan
+        return np.stack((x, y), axis=1)
 
 
 def bin_bearings_deg() -> Floats:
     """(BINS,) bearing of each bin's middle, positive to the right."""
-    return (np.arange(BINS) + 0.5) * BIN_DEG - REACH_DEG
+    return np.linspace(-REACH_DEG + BIN_DEG / 2, REACH_DEG - BIN_DEG / 2, BINS)
 
 
 def panorama(views: Sequence[DepthView], pose: Pose, band_m: float, body_band_m: float) -> Scan:

@@ -23,6 +23,7 @@ from contracts.vlm_gateway import (
 )
 from orchestrator.asking import Answered
 from orchestrator.marks import mark_box, mark_points
+from orchestrator.phases.contour import ContourSearch
 from orchestrator.sighting import Sighting, facade_returns, locate
 from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m, towards
 
@@ -51,8 +52,13 @@ class Exploration:
 
     sortie: Sortie
     dismissed: list[Point3] = field(default_factory=list)
+    contour: ContourSearch | None = None
     _d_max_m: float | None = None
     _silent: int = 0
+
+    def __post_init__(self) -> None:
+        if self.sortie.settings.viewpoint.policy == "contour":
+            self.contour = ContourSearch(self.sortie)
 
     async def until_found(self, leaving: Look | None = None) -> Found:
         """Flies until the object is seen; `leaving` is a look whose sighting is to be tried from elsewhere. Raises
@@ -70,6 +76,8 @@ class Exploration:
             if sortie.exploration_steps < settings.max_exploration_steps:
                 await self._go_on(look)
         looked = f"after {sortie.exploration_steps} exploration steps"
+        if self.contour is not None and self.contour.inspected_share is not None:
+            looked += f", with {100 * self.contour.inspected_share:.0f} % of the known facade inspected"
         if self.dismissed:
             looked += f"; {len(self.dismissed)} sightings did not stand up to a nearer look"
         raise MissionEnd("object_not_found", f"no window with a {sortie.object} was found {looked}")
@@ -131,7 +139,10 @@ class Exploration:
         return sighting
 
     async def _go_on(self, look: Look) -> None:
-        """Viewpoint (eq. 4-6), safe distances (eq. 7), the chosen point, and the flight there."""
+        """Viewpoint (eq. 4-6), safe distances (eq. 7), the chosen point, and the flight; or the explorer's stop."""
+        if self.contour is not None:
+            await self.contour.go_on(look)
+            return
         sortie = self.sortie
         view = await self._viewpoint(look)
         sight = look.sights[view.heading_deg]

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
+    ExploreAnswer,
+    ExploreQuestion,
     SafeDistancesAnswer,
     SafeDistancesQuestion,
     ViewpointAnswer,
@@ -49,7 +51,7 @@ from contracts.vlm_gateway import (
     Match,
 )
 from orchestrator.ports import Ports, ServiceRefused
-from services.depth_assist.app import choose_viewpoint, measure_safe_distances, plan_approach
+from services.depth_assist.app import choose_viewpoint, explore_step, measure_safe_distances, plan_approach
 
 SIZE = 120
 RADIUS_M = 0.35
@@ -311,6 +313,9 @@ class LocalDepthAssist:
 
     async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
         return plan_approach(question)
+
+    async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
+        return explore_step(question)
 
 
 class SceneParser:

@@ -41,7 +41,9 @@ def bench(
     backend: Annotated[
         str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")
     ] = "embedded",
-    viewpoint: Annotated[Literal["paper", "random", "default"], typer.Option(help="Ablation.")] = "paper",
+    viewpoint: Annotated[
+        Literal["paper", "contour", "random", "default"], typer.Option(help="The search; the last two are ablations.")
+    ] = "paper",
     choice: Annotated[Literal["model", "centre"], typer.Option(help="Ablation.")] = "model",
     floors: Annotated[Literal["stepwise", "direct-count"], typer.Option(help="Ablation.")] = "stepwise",
     parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,

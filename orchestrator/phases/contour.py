@@ -1,0 +1,66 @@
+"""The way on by the contour explorer: depth_assist keeps no state, so the search carries its map from stop to stop."""
+
+import math
+from dataclasses import dataclass
+
+from contracts.depth_assist import ExploreAnswer, ExploreQuestion
+from contracts.geometry import Point3
+from orchestrator.ports import ServiceRefused
+from orchestrator.sortie import Look, MissionEnd, Sortie
+
+BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
+
+
+@dataclass
+class ContourSearch:
+    """`inspected_share`: of the facade known or expected after the last step; null before the first."""
+
+    sortie: Sortie
+    inspected_share: float | None = None
+    _map: str | None = None
+
+    async def go_on(self, look: Look) -> None:
+        """One move or turn. Raises MissionEnd: object_not_found where nothing is left to inspect; PortError."""
+        sortie = self.sortie
+        try:
+            answer = await self._ask(look)
+        except ServiceRefused as error:
+            if error.code not in BEGIN_ANEW:
+                raise
+            self._map = None
+            turn = sortie.settings.fallback_turn_deg
+            await sortie.fly((), look.pose.yaw + math.radians(turn), f"turn {turn:g}° left: {error}")
+            return
+        self._map, self.inspected_share = answer.map, answer.inspected_share
+        said = f"{100 * answer.inspected_share:.0f} % of the known facade inspected"
+        sortie.write(
+            "contour",
+            f"{answer.status}: {answer.reason}; {said}",
+            {
+                "exploration_step": sortie.exploration_steps,
+                "explore": answer.model_dump(mode="json", exclude={"map"}),
+                "map_bytes": len(answer.map),
+            },
+        )
+        if answer.status == "done":
+            raise MissionEnd(
+                "object_not_found",
+                f"no window with a {sortie.object} was found; the search is over, with "
+                f"{100 * answer.inspected_share:.0f} % of the facade on floor {sortie.floor} inspected",
+            )
+        if answer.stop is None:
+            await sortie.fly((), answer.yaw, f"turn: {answer.reason}")
+            return
+        goal = Point3(x=answer.stop.x, y=answer.stop.y, z=look.pose.z)
+        await sortie.fly((goal,), answer.yaw, f"{answer.distance_m:.1f} m round the building; {said}")
+
+    async def _ask(self, look: Look) -> ExploreAnswer:
+        sortie = self.sortie
+        question = ExploreQuestion(
+            views=tuple(sight.depth_view for sight in look.sights.values()),
+            pose=look.pose,
+            map=self._map,
+            building_box=sortie.building_box,
+            settings=sortie.settings.explore,
+        )
+        return await sortie.timed("explore", sortie.ports.depth.explore(question))

@@ -1,0 +1,50 @@
+"""Missions that search by the contour explorer, in the block world."""
+
+from contracts.depth_assist import ViewpointSettings
+from contracts.orchestrator import DeliveryResult, MissionSettings
+from contracts.sim import EpisodeQuestion
+from contracts.vlm_gateway import FindObjectAnswer
+from orchestrator.mission import Mission
+from tests.orchestrator.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
+from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
+
+CONTOUR = ViewpointSettings(policy="contour")
+
+
+async def fly(world: BlockWorld, log: Events, vision: BlockVision | None = None, **settings: object) -> DeliveryResult:
+    mission = Mission(block_ports(world, vision), MissionSettings(viewpoint=CONTOUR, **settings), log)
+    return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+
+
+async def test_a_window_on_the_far_side_is_found_by_the_contour_explorer() -> None:
+    log = Events()
+    result = await fly(BlockWorld(BEHIND), log)
+    assert result.outcome == "delivered"
+    assert result.exploration_steps <= 10
+    assert not log.of("direction")
+    assert "choice" not in result.model_calls
+
+
+async def test_every_step_of_the_contour_explorer_leaves_what_a_viewer_can_draw() -> None:
+    log = Events()
+    await fly(BlockWorld(BEHIND), log)
+    steps = [e.data["explore"] for e in log.of("contour")]
+    assert len(steps) > 1
+    assert all(s["drawing"]["inspected"] and "map" not in s for s in steps)
+    assert any(s["drawing"]["expected"] for s in steps)
+    assert all(0.0 < s["inspected_share"] < 1.0 for s in steps)
+    inspected = [len(s["drawing"]["inspected"]) for s in steps]
+    assert inspected == sorted(inspected)
+
+
+async def test_a_search_that_has_seen_it_all_ends_with_the_share_of_the_facade_inspected() -> None:
+    log = Events()
+    world = BlockWorld(Block())
+    nothing = FindObjectAnswer(role="recognition", found=False, matches=(), **WHO)
+    result = await fly(world, log, BlockVision(world, says={"find_object": [nothing] * 40}))
+    assert result.outcome == "object_not_found"
+    last = log.of("contour")[-1].data["explore"]
+    assert last["status"] == "done"
+    assert last["inspected_share"] > 0.98
+    assert f"{100 * last['inspected_share']:.0f} % of the facade" in result.message
+    assert result.exploration_steps < 30

@@ -1,0 +1,24 @@
+"""`logisticsvln`, whole: the orchestrator's commands, and those of the task set and the evaluation.
+
+The orchestrator knows nothing of the evaluation; here the two are put under one name.
+"""
+
+import sys
+
+from orchestrator.cli import app
+from vld import tasks_cli
+from vld.bench import cli as bench_cli
+from vld.report.command import report
+
+app.add_typer(tasks_cli.app, name="tasks")
+app.command(name="bench")(bench_cli.bench)
+app.command(name="report")(report)
+
+
+def main() -> None:
+    """The command line's entry point."""
+    sys.exit(app())
+
+
+if __name__ == "__main__":
+    main()

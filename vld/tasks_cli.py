@@ -1,0 +1,120 @@
+"""`logisticsvln tasks`: make a set, show one task, count what is in a set."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from vld.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate
+from vld.sim_client import SimulatorFault, own_simulator
+from vld.tasks import BadTasks, TaskSet, lines_of, load, packed, read
+
+WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+
+app = typer.Typer(
+    help="The task set: make fresh ones, look at single tasks, count what is in them.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.command(name="generate")
+def generate_command(
+    seed: Annotated[int, typer.Option(min=0, max=MAX_SEED, help="Decides everything.")],
+    count: Annotated[int, typer.Option(min=1, max=MAX_TASKS, help="How many tasks.")],
+    out: Annotated[
+        Path | None, typer.Option(help="A file (.jsonl, or .jsonl.zst to have it packed); else standard output.")
+    ] = None,
+    name: Annotated[str | None, typer.Option(help="What the tasks' names begin with.", show_default="the seed")] = None,
+) -> None:
+    """Make a fresh set of tasks of the same kind as the shipped one; every one is flown once, with the truth."""
+    if out is not None and out.exists():
+        _stop(f"{out} is there already; name another file", WRONG_INPUT)
+    try:
+        made = generated(seed, count, Console(stderr=True), name)
+        if out is None:
+            sys.stdout.write(lines_of(made.tasks).decode())
+        else:
+            out.parent.mkdir(parents=True, exist_ok=True)
+            part = out.with_name(out.name + ".part")
+            part.write_bytes(packed(made.tasks) if out.name.endswith(".zst") else lines_of(made.tasks))
+            part.replace(out)
+    except ValueError as error:
+        _stop(str(error), WRONG_INPUT)
+    except (CannotGenerate, SimulatorFault) as error:
+        _stop(str(error), FAILED)
+    except OSError as error:
+        _stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
+    except KeyboardInterrupt:
+        _stop("interrupted; nothing was written", INTERRUPTED)
+
+
+@app.command()
+def show(
+    task: Annotated[str, typer.Argument(help="A task's name, such as vld-300-007.")],
+    tasks: Annotated[str, typer.Option(help="A shipped set or a file of tasks.")] = "vld-300",
+    out: Annotated[Path | None, typer.Option(help="The picture.", show_default="TASK.png")] = None,
+) -> None:
+    """Draw one task into a PNG: the plan with start, target and shortest way, and the target's window."""
+    from vld.task_picture import draw_task
+
+    try:
+        found = load(tasks).task(task)
+    except BadTasks as error:
+        _stop(str(error), WRONG_INPUT)
+    path = out or Path(f"{found.id}.png")
+    try:
+        with own_simulator() as simulator:
+            draw_task(found, simulator, path)
+    except SimulatorFault as error:
+        _stop(str(error), FAILED)
+    except OSError as error:
+        _stop(f"{path} can't be written: {error.strerror}", WRONG_INPUT)
+    typer.echo(str(path))
+
+
+@app.command()
+def stats(
+    tasks: Annotated[str, typer.Argument(help="A shipped set or a file of tasks.")] = "vld-300",
+    out: Annotated[Path | None, typer.Option(help="A folder for the page and its charts.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> None:
+    """Count what is in a set; with --out also as a page with the paper's four charts (extra `eval`)."""
+    from vld.statistics import count, write_page
+
+    try:
+        chosen = load(tasks)
+    except BadTasks as error:
+        _stop(str(error), WRONG_INPUT)
+    found = count(chosen)
+    if out is not None:
+        try:
+            for path in write_page(found, out):
+                typer.echo(str(path), err=as_json)
+        except ImportError:
+            _stop("the charts need matplotlib: install the extra `eval`", FAILED)
+        except OSError as error:
+            _stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
+    if as_json:
+        typer.echo(found.model_dump_json())
+    elif out is None:
+        Console().print(found.table(), highlight=False)
+
+
+def generated(seed: int, count: int, console: Console, name: str | None = None) -> TaskSet:
+    """A fresh set, with a progress bar. Raises ValueError, CannotGenerate, SimulatorFault."""
+    columns = (TextColumn("making tasks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    prefix = name or f"s{seed}"
+    with Progress(*columns, console=console, transient=True) as progress, own_simulator() as simulator:
+        bar = progress.add_task("tasks", total=count)
+        tasks = generate(seed, count, prefix, simulator, lambda _: progress.advance(bar))
+    return read(lines_of(tasks), f"seed {seed}, count {count}")
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
+    raise typer.Exit(code)
