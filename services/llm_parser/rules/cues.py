@@ -28,11 +28,12 @@ _NEAR = words(
 _DELIVER = words(
     "deliver bring send leave drop put take hand carry fly get need want ordered order expecting sending bringing "
     "expect leaving dropping delivering place set await awaiting handing requested give buy bought receive brought "
-    "wants purchased dispatched dispatch transport shipment lower pick collect return ship pass waiting lost "
+    "wait wants purchased dispatched dispatch transport shipment lower pick collect return ship pass waiting lost "
     "missing"
 )
 _BOTH_WAYS = words("put puts placed place set left")
 """What the drone is told to do with the parcel, and what the customer did with the mark."""
+_ADDRESSES = words("address destination location side door")
 _WANTING = words("want wanting need needing after")
 _COMMANDING = words("please and you to kindly just or then , be it")
 _PUT_OUT = words("put placed place hung set stuck tied left installed mounted taped parked propped hooked fixed")
@@ -96,8 +97,10 @@ def before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     back += ["", ""]
     score = _sought(back) + _had(back) + _placed(back) + _stands(back)
     sentence = tokens[phrase.lead].sentence
-    farther = [t.norm for t in tokens[max(0, phrase.lead - 16) : phrase.lead] if t.sentence == sentence]
-    if _delivered(back, bool(set(farther) & _SELF)):
+    farther = [t.norm for t in tokens[max(0, phrase.lead - 24) : phrase.lead] if t.sentence == sentence]
+    if back[0] in _HAVE and "it" in back[1:4] and set(farther) & lex.ANCHORS:
+        score += 2.5
+    if _delivered(back, bool(set(farther[-16:]) & (_SELF | lex.KIN))):
         score -= 2.0 if set(back[:3]) & {"bought", "brought"} else 5.0
     return score
 
@@ -111,20 +114,30 @@ def _sought(back: list[str]) -> float:
     looks = looks or (first in _WANTING and bool(set(back[1:4]) & {"you"}) and "do" not in back[1:4])
     if looks or near & _LOOK:
         score += 4.0
-    if first in (":", "=", "-") and any(w in _LOOK | _PLACES for w in back[1:3]):
+    if first in (":", "=", "-") and any(w in _LOOK | _PLACES - _ADDRESSES for w in back[1:3]):
         score += 4.0
     if near & {"outside"} and first not in ("at", "on", "in"):
         score += 1.0
     if first in ("still", "mentioned"):
         score += 1.5
     beside = first == "to" and second in ("next", "close", "adjacent", "closest", "nearest")
-    if first in ("on", "in", "to", "for", "into", "from", "about", "until") and not beside and not looks and not near & _LOOK:
+    if (
+        first in ("on", "in", "to", "for", "into", "from", "about", "until")
+        and not beside
+        and not looks
+        and not near & _LOOK
+    ):
         score -= 1.5
     return score
 
 
+_BY_THE_WAY = words("there here also even still now always proudly currently only just")
+
+
 def _had(back: list[str]) -> float:
     """ "my window has a ...", "the one with a ...", "we've got a ..."."""
+    while len(back) > 3 and back[0] in _BY_THE_WAY:
+        back = back[1:]
     first, second = back[0], back[1]
     if first == "of" and second in lex.ANCHORS:
         return 4.0
@@ -166,6 +179,8 @@ def _placed(back: list[str]) -> float:
         score += 3.0
     elif first in _PUT_OUT | {"puts", "hangs"} and set(back[1:4]) & _HOUSEHOLD:
         score += 2.0
+    elif first in ("out", "up") and second in _PUT_OUT | words("brought hang"):
+        score += 3.0
     elif first in _FASTENED or (first == "down" and second in _FASTENED):
         score += 2.0
     if first in ("off", "away") and second in _LOST:
@@ -211,7 +226,7 @@ def _delivered(back: list[str], told: bool) -> bool:
             return False
         if word in _DELIVER:
             subject = back[depth + 1]
-            ours = subject == "and" and told
+            ours = (subject == "and" and told) or (subject == "," and bool(set(back[depth + 1 :]) & lex.KIN))
             return not (word in _BOTH_WAYS and subject and (ours or subject not in _COMMANDING))
         if word not in _BETWEEN or (word in ("for", "to", "out") and depth == 0):
             return False
@@ -239,6 +254,9 @@ def is_clause(tokens: list[Token], phrase: Phrase, taken: Set[int]) -> bool:
     if front > 0 and tokens[front].norm in ("and", "so", "then", "plus"):
         front -= 1
     opens = front < 0 or tokens[front].kind in _BREAKS or front in taken
+    if end < len(tokens) and tokens[end].norm in ("at", "on", "in"):
+        end += 1 + (tokens[end + 1].norm == "the" if end + 1 < len(tokens) else 0)
+        return opens and end in taken
     return opens and (end >= len(tokens) or tokens[end].kind in _BREAKS or end in taken)
 
 
@@ -311,6 +329,9 @@ def _said_of_it(tokens: list[Token], phrase: Phrase) -> float:
         if tokens[at].norm == "it" and tokens[at + 1].norm in _SUBJECT_VERBS:
             if [t.norm for t in tokens[at + 1 : at + 4]] in _SINCE:
                 return 3.0
+            placed = [t.norm for t in tokens[at + 2 : at + 5]]
+            if placed[:1] and placed[0] in ("by", "at", "outside", "in") and placed[-1] in lex.ANCHORS:
+                return 2.0 if stops < 2 else 1.0
             rest = [t.norm for t in tokens[at + 1 : at + 10] if t.sentence == tokens[at].sentence]
             if set(rest) & lex.ANCHORS and set(rest) & lex.MY and rest[1:2] != ["the"]:
                 return 3.0 if stops < 2 else 2.0

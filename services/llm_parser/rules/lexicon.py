@@ -145,8 +145,8 @@ TIMES = words(
     "chance"
 )
 PEOPLE = words(
-    "neighbour neighbours neighbor neighbors neighbouring neighboring tenant tenants roommate flatmate roommates "
-    "flatmates lady ladies guy guys man men woman women people person persons folk folks couple family families "
+    "neighbour neighbours neighbor neighbors neighbouring neighboring tenant tenants "
+    "lady ladies guy guys man men woman women people person persons folk folks couple family families "
     "audience crowd gentleman gentlemen chap chaps pensioner professor rivals rival grump landlord landlady mr mrs "
     "ms dr owner owners resident residents occupant occupants lad lads bloke student students stranger strangers "
     "colleague colleagues competitor competitors"
@@ -154,8 +154,8 @@ PEOPLE = words(
 KIN = words(
     "mum mom mummy mommy mam ma dad daddy papa mama father mother brother sister son daughter wife husband grandma "
     "grandpa granny gran nan nana grandfather grandmother grandson granddaughter aunt auntie uncle cousin boyfriend "
-    "girlfriend partner kid kids child children baby boy girl friend friends nurse doctor carer teacher boss widow "
-    "widower twin nephew niece"
+    "girlfriend partner kid kids child children baby boy girl friend friends nurse doctor carer teacher boss widow warden "
+    "caretaker janitor cleaner roommate flatmate roommates flatmates widower twin nephew niece"
 )
 PARCEL_NOUNS = words(
     "parcel parcels package packages delivery deliveries order orders shipment shipments item items goods stuff box "
@@ -171,7 +171,7 @@ SOFT_NOUNS = words(
     "book laptop thing note lights meter number corner tip kit record drone roof desk keyboard code house castle "
     "tower elephant lot pair stall ticket mail post cartridge food cake doorbell intercom top reference kingdom "
     "wheel form forms picture point drones robots wheelchair map bay office message storm sun wind life world air "
-    "sky total tool city town village job story joke love taxi"
+    "sky total tool city town village story joke love taxi"
 )
 """Nouns that name a mark only together with another word: "brass bell", "sewing machine"."""
 
@@ -199,7 +199,7 @@ NON_OBJECTS = (
         "basement penthouse total maximum minimum maintenance attention attn recipient sender subject department "
         "party eyesore nose spectacle disgrace tragedy masterpiece thank bless anyone knocking ring ringing "
         "wheelchair knee ankle leg back typos typo screen scren keyboard form forms button buttons panel look truth "
-        "apology revenge reward course guests streets mortal coordinates excuse pleasure wish "
+        "apology apologies wishes compliments greetings decor fellow fellows appointment chat job hurry revenge reward course guests streets mortal coordinates excuse pleasure wish "
         "one ones other others latter former rest none lots plenty dozen pair tops news earth god goodness heaven "
         "sake mission applause hello goodbye cheers noon meter battery signal yes mom's bell hint clue tip"
     )

@@ -103,6 +103,9 @@ class _Finder:
             )
             self._add(at, at + 1, value, (2.5 if placed else 1.5) - (2.0 if small else 0.0))
             return 1
+        if self._is_clause(at):
+            self._add(at, at + 1, value, 0.3)
+            return 1
         return 0
 
     def _ends_ordinal(self, word: str) -> bool:
@@ -175,7 +178,15 @@ class _Finder:
             return 2.5
         if third == "floor" and second in ("is", "says"):
             return 2.0
-        return self._corrected_number(at)
+        if before in ("now", "currently", "formerly"):
+            return 1.5
+        return self._corrected_number(at) or (0.3 if self._is_clause(at) else 0.0)
+
+    def _is_clause(self, at: int) -> bool:
+        """A number between two stops and behind no label: "... . 10. Go."."""
+        breaks = (Kind.STOP, Kind.SYMBOL, None)
+        labelled = self._norm(at - 1) in (":", "=", "(")
+        return self._kind(at - 1) in breaks and self._kind(at + 1) in breaks and not labelled
 
     def _corrected_number(self, at: int) -> float:
         """A number set against an earlier one: "I wrote 5 on the form but it is 7", "floor five no wait six"."""

@@ -12,7 +12,7 @@ from services.llm_parser.rules.tokens import Kind, Token
 THRESHOLD = 0.7
 """A phrase for which less speaks than this is not taken: a missing object is said, not guessed."""
 
-LEAST = -1.1
+LEAST = -2.1
 """What stands alone in a request as the only thing named may have this little, and nothing that denies it."""
 
 MOST_THINGS = 100
@@ -91,6 +91,8 @@ def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
         return True
     if phrase.determiner in ("a", "an") and head in _ALONE_TOO:
         return True
+    if head in lex.BUILDINGS and tokens[phrase.head].raw[:1].isupper() and phrase.head > 0:
+        return False  # "Marlow House"
     if head in lex.PARCEL_NOUNS and own & (lex.COLOURS | {"gift"}):
         return True
     if head in lex.MEASURE_NOUNS and phrase.last > phrase.head + 1:
@@ -107,15 +109,15 @@ def _score(tokens: list[Token], things: list[Phrase], solid: list[bool], index: 
     if earlier and start == phrase.lead - 1 and tokens[start].norm == "is":
         start = earlier[-1].lead  # "my mark is a ...": the subject belongs to the context
     end = later[0].lead if later else len(tokens)
-    score = cues.own_worth(tokens, phrase) + cues.alone(tokens, phrase, taken)
-    score += cues.before(tokens, phrase, start) + cues.behind(tokens, phrase, end)
+    said = cues.before(tokens, phrase, start) + cues.behind(tokens, phrase, end)
+    score = cues.own_worth(tokens, phrase) + cues.alone(tokens, phrase, taken) + said
     owner, doubt = _owner(tokens, phrase, start), 0.0
     if owner is scope.Owner.NEIGHBOUR:
         score -= 9.0
     elif owner is scope.Owner.SOMEONE:
         doubt = 7.0
     elif owner is scope.Owner.MINE:
-        score += 1.5 if phrase.determiner in ("my", "our") else 0.5
+        score += 0.5 if phrase.determiner not in ("my", "our") else 1.5 if said > 0.5 else 0.5
     if scope.negated(tokens, phrase.lead, start):
         score -= 10.0
     if scope.past(tokens, phrase.lead, was_within=1):

@@ -83,6 +83,8 @@ class _Chunker:
         at = self._run(at, labelled or bool(determiner) or at > first)
         if at == nouns_from or (not determiner and at == first + 1 and self._is_participle(first)):
             return None
+        if all(self._norm(i) in lex.EVALUATIVE for i in range(first, at)):
+            return None
         if not determiner and all(self._norm(i) in lex.ATTRIBUTES or self._norm(i) == "and" for i in range(first, at)):
             return None
         head = at - 1
@@ -120,6 +122,8 @@ class _Chunker:
         if not self._is_plain(at + 1):
             return False
         if at > 0 and self._tokens[at - 1].norm in (":", "="):
+            return True
+        if self._norm(at + 1) == "sign" and self._is_break(at - 1):
             return True
         return (
             self._is_break(at - 1)

@@ -83,6 +83,12 @@ _DENIALS = (
     "not try there",
     "not of",
     "used to be",
+    "fell and",
+    "fell off",
+    "fell down",
+    "flew away",
+    "got lost",
+    "and broke",
     "been removed",
     "was removed",
     "been replaced",
@@ -140,7 +146,7 @@ def after(tokens: list[Token], at: int, limit: int) -> str:
     """The words from token `at` on, up to `limit` (exclusive), 10 words or a clause about something else, as one text
     for a look at fixed phrases; "|" is the end of a sentence."""
     said: list[str] = []
-    for index in range(at, min(limit, at + 13, len(tokens))):
+    for index in range(at, min(limit, at + 15, len(tokens))):
         token = tokens[index]
         if token.kind is Kind.STOP:
             said.append("|")

@@ -58,6 +58,9 @@ def _mine_said(tokens: list[Token], at: int) -> bool:
     return any(t.norm in ("mine", "ours", "my", "our") and t.sentence == sentence for t in tokens[max(0, at - 14) : at])
 
 
+_MARKED = words("with who whose on behind at")
+
+
 def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
     """What the word at `at` says about the owner of what is mentioned at `mention`."""
     word = tokens[at].norm
@@ -71,6 +74,8 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.NEIGHBOUR
     if word in lex.PEOPLE and _is_figure(tokens, at):
         return None
+    if word in lex.PEOPLE and before == "the" and at > 1 and tokens[at - 2].norm == "for" and following in _MARKED:
+        return Owner.UNSAID  # "it is for the person with the ..."
     if word in lex.PEOPLE or word in ("hers", "theirs") or (word == "door" and before == "next"):
         return Owner.NEIGHBOUR
     if word in _RESET or (word == "it" and following in ("is", "'s")):
