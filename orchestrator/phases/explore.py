@@ -177,7 +177,7 @@ class Exploration:
     async def _choose(self, sight: Sight, safe: SafeDistancesAnswer, view: ViewpointAnswer) -> Chosen:
         sortie, settings = self.sortie, self.sortie.settings
         offered = [p for p in safe.points if p.distance_m >= settings.min_move_m]
-        marked = encode_jpeg(mark_points(sight.rgb, _marks(offered)))
+        marked = encode_jpeg(mark_points(sight.rgb, marks_of(offered)))
         answer: dict[str, Any] | None = None
         if not offered:
             chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free {towards(sight.heading_deg)}")
@@ -190,8 +190,8 @@ class Exploration:
                 oracle_episode=sortie.flown.id,
                 heading_deg=sight.heading_deg,
                 image=marked,
-                points=_marks(offered),
-                task=_task(sortie),
+                points=marks_of(offered),
+                task=search_task(sortie.object or "", sortie.floor or 1, settings.viewpoint.direction),
             )
             reply = await sortie.book.ask("choice", sortie.ports.vision.choose_direction(question))
             answer = reply.answer.model_dump(mode="json")
@@ -234,15 +234,16 @@ def _widest(offered: list[DirectionPoint], why: str) -> Chosen:
     return Chosen(point, why)
 
 
-def _marks(points: Iterable[DirectionPoint]) -> tuple[MarkedPoint, ...]:
+def marks_of(points: Iterable[DirectionPoint]) -> tuple[MarkedPoint, ...]:
+    """The points as they are drawn into the picture and offered to the model."""
     return tuple(MarkedPoint(label=p.label, x=p.x, y=p.y, distance_m=p.distance_m) for p in points)
 
 
-def _task(sortie: Sortie) -> str:
-    way = sortie.settings.viewpoint.direction
-    side = "right" if way == "clockwise" else "left"
+def search_task(thing: str, floor: int, direction: str) -> str:
+    """What the choice model is told about the search; `direction` is the viewpoint settings'."""
+    side = "right" if direction == "clockwise" else "left"
     return (
-        f"Find the window with a {sortie.object} on floor {sortie.floor}. The drone flies {way} round the building, "
+        f"Find the window with a {thing} on floor {floor}. The drone flies {direction} round the building, "
         f"which is on its {side}."
     )
 

@@ -46,10 +46,11 @@ def model_calls(records: Sequence[EpisodeRecord]) -> dict[str, RoleCalls]:
     for record in records:
         for role, calls in (record.result.model_calls if record.result is not None else {}).items():
             by_role.setdefault(role, []).append(calls)
-    return {role: _together(by_role[role]) for role in sorted(by_role)}
+    return {role: together(by_role[role]) for role in sorted(by_role)}
 
 
-def _together(parts: Sequence[ModelCalls]) -> RoleCalls:
+def together(parts: Sequence[ModelCalls]) -> RoleCalls:
+    """Several counts of one role as one."""
     return RoleCalls(
         calls=sum(part.calls for part in parts),
         cache_hits=sum(part.cache_hits for part in parts),

@@ -1,0 +1,235 @@
+"""Asks one role its questions, task after task, and scores the answers."""
+
+import time
+import zlib
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from contracts.base import Name
+from contracts.depth_assist import (
+    DirectionPoint,
+    SafeDistancesQuestion,
+    ViewDepth,
+    ViewpointQuestion,
+)
+from contracts.geometry import Heading, PointLabel
+from contracts.images import encode_jpeg
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.orchestrator import MissionSettings, ModelCalls
+from contracts.sim import Observation
+from contracts.vlm_gateway import (
+    Answer,
+    ChooseDirectionQuestion,
+    FindObjectQuestion,
+    FloorCountQuestion,
+    Role,
+    View,
+)
+from orchestrator.asking import Answered, CallBook
+from orchestrator.marks import mark_points
+from orchestrator.phases.explore import marks_of, search_task
+from orchestrator.ports import ModelUnreachable, Ports
+from orchestrator.sortie import Sight, ahead
+from vld.metrics.model_calls import together
+from vld.records import Task
+from vld.sim_client import SimClient
+from vld.subtasks import choice, floors, parse, recognition
+from vld.subtasks.figures import Figures, Subtask, SubtaskScores
+from vld.subtasks.stage import Stage, staged
+from vld.subtasks.stops import Stop, before_goal, before_start, on_lap
+
+A = TypeVar("A", bound=Answer | ParseAnswer)
+Item = TypeVar("Item")
+Told = Callable[[int, Task], None]
+ROLES: dict[Subtask, Role] = {
+    "floors": "floors",
+    "recognition": "recognition",
+    "choice": "choice",
+    "parse": "parser",
+}
+
+
+class Plan(NamedTuple):
+    """Who is asked, and how often: `stops` places a task (two kinds of places for recognition, half each)."""
+
+    backend: Name
+    parser: Name | None = None
+    stops: int = 4
+    size: int = 800
+    settings: MissionSettings = MissionSettings()
+
+
+class Examiner:
+    """Asks through the same ports as a mission, so that nothing about a question differs from a flight's."""
+
+    def __init__(self, plan: Plan, ports: Ports, simulator: SimClient | None) -> None:
+        """`simulator` must tell the truth; the parser's subtask needs none."""
+        self._plan = plan
+        self._ports = ports
+        self._simulator = simulator
+        self._book = CallBook()
+        self._skipped = 0
+        self._model: str | None = None
+
+    async def run(self, subtask: Subtask, tasks: Sequence[Task], told: Told | None = None) -> SubtaskScores:
+        """All questions of one subtask; `told` hears each task when it is done. Raises SimulatorFault, PortError."""
+        began = time.perf_counter()
+        self._book, self._skipped = CallBook(), 0
+        figures: Figures
+        if subtask == "parse":
+            parsed = await self._each(tasks, self._parsed, told)
+            figures, questions = parse.score(parsed), len(parsed)
+        elif subtask == "floors":
+            counts = await self._each(tasks, self._counts, told)
+            figures, questions = floors.score(counts), len(counts)
+        elif subtask == "recognition":
+            looks = await self._each(tasks, self._looks, told)
+            figures, questions = recognition.score(looks), len(looks)
+        else:
+            choices = await self._each(tasks, self._choices, told)
+            figures, questions = choice.score(choices), len(choices)
+        return SubtaskScores(
+            subtask=subtask,
+            backend=self._plan.backend,
+            model=self._model,
+            tasks=len(tasks),
+            questions=questions,
+            skipped=self._skipped,
+            rates=figures.rates,
+            values=figures.values,
+            groups=figures.groups,
+            model_calls=together([self._book.calls.get(ROLES[subtask], ModelCalls())]),
+            wall_s=round(time.perf_counter() - began, 3),
+        )
+
+    async def _each(
+        self, tasks: Sequence[Task], ask: Callable[[Task], Awaitable[list[Item]]], told: Told | None
+    ) -> list[Item]:
+        items: list[Item] = []
+        for number, task in enumerate(tasks, 1):
+            items += await ask(task)
+            if told is not None:
+                told(number, task)
+        return items
+
+    async def _parsed(self, task: Task) -> list[parse.Parsed]:
+        question = ParseQuestion(request=task.request, model=self._plan.parser)
+        answer = await self._ask("parser", self._ports.parser.parse(question))
+        return [
+            parse.Parsed(
+                task.style,
+                task.floor,
+                task.object,
+                answer.floor if answer else None,
+                answer.object if answer else None,
+            )
+        ]
+
+    async def _counts(self, task: Task) -> list[floors.Count]:
+        counts = []
+        with self._stage(task) as stage:
+            for _ in self._reached(stage, before_start(task, max(1, self._plan.stops // 2), self._rng(task))):
+                seen = stage.look((0,))
+                truth = stage.truth((0,))[0].floors_visible
+                question = FloorCountQuestion(
+                    model=self._plan.backend, oracle_episode=stage.episode, image=seen.views[0].image
+                )
+                answer = await self._ask("floors", self._ports.vision.floor_count(question))
+                counts.append(floors.Count(truth, answer.floors if answer else None, task.building_kind))
+        return counts
+
+    async def _looks(self, task: Task) -> list[recognition.Look]:
+        rng = self._rng(task)
+        before = before_goal(task, (self._plan.stops + 1) // 2, rng)
+        looks = []
+        with self._stage(task) as stage:
+            for _ in self._reached(stage, before + on_lap(task, self._plan.stops - len(before), rng)):
+                seen, truth = stage.look(), stage.truth()
+                question = FindObjectQuestion(
+                    model=self._plan.backend,
+                    oracle_episode=stage.episode,
+                    object=task.object,
+                    views=tuple(View(heading_deg=v.heading_deg, image=v.image) for v in seen.views),
+                )
+                answer = await self._ask("recognition", self._ports.vision.find_object(question))
+                matches = answer.matches if answer else None
+                looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
+        return looks
+
+    async def _choices(self, task: Task) -> list[choice.Choice]:
+        choices = []
+        with self._stage(task) as stage:
+            for _ in self._reached(stage, on_lap(task, max(1, self._plan.stops // 2), self._rng(task))):
+                made = await self._choice(task, stage)
+                if made is None:
+                    self._skipped += 1
+                else:
+                    choices.append(made)
+        return choices
+
+    async def _choice(self, task: Task, stage: Stage) -> choice.Choice | None:
+        """Viewpoint and points as a mission finds them; null where there is nothing to choose between."""
+        settings = self._plan.settings
+        seen = stage.look(depth=True)
+        depths = {
+            view.heading_deg: ViewDepth(heading_deg=view.heading_deg, depth=view.depth)
+            for view in seen.views
+            if view.depth is not None
+        }
+        asked = ViewpointQuestion(views=tuple(depths.values()), settings=settings.viewpoint)
+        heading = (await self._ports.depth.viewpoint(asked)).heading_deg
+        beside = tuple(depth for h, depth in depths.items() if 0 < abs(h - heading) <= 45)
+        safe = await self._ports.depth.safe_distances(
+            SafeDistancesQuestion(view=depths[heading], others=beside, settings=settings.safe_distances)
+        )
+        offered = [point for point in safe.points if point.distance_m >= settings.min_move_m]
+        ways = stage.remaining_m(tuple(ahead(seen.pose, p.bearing_deg, p.distance_m) for p in offered))
+        if len(offered) < 2 or all(way is None for way in ways):
+            return None
+        label = await self._label(task, stage, seen, heading, offered)
+        remaining = {point.label: way for point, way in zip(offered, ways, strict=True)}
+        return choice.Choice(remaining, label)
+
+    async def _label(
+        self, task: Task, stage: Stage, seen: Observation, heading: Heading, offered: list[DirectionPoint]
+    ) -> PointLabel | None:
+        view = next(view for view in seen.views if view.heading_deg == heading)
+        points = marks_of(offered)
+        question = ChooseDirectionQuestion(
+            model=self._plan.backend,
+            oracle_episode=stage.episode,
+            heading_deg=heading,
+            image=encode_jpeg(mark_points(Sight(seen.pose, view).rgb, points)),
+            points=points,
+            task=search_task(task.object, task.floor, self._plan.settings.viewpoint.direction),
+        )
+        answer = await self._ask("choice", self._ports.vision.choose_direction(question))
+        return answer.label if answer else None
+
+    async def _ask(self, role: Role, call: Awaitable[A]) -> A | None:
+        """An answer that can't be read, is declined or never comes is no answer; the book knows which it was."""
+        try:
+            reply = await self._book.ask(role, call)
+        except ModelUnreachable:
+            return None
+        self._model = reply.answer.model
+        return reply.answer if isinstance(reply, Answered) else None
+
+    def _stage(self, task: Task) -> AbstractContextManager[Stage]:
+        if self._simulator is None:
+            raise ValueError("this subtask needs a simulator that tells the truth")
+        return staged(self._simulator, task.scene, self._plan.size)
+
+    def _reached(self, stage: Stage, stops: Sequence[Stop]) -> Iterator[Stop]:
+        """Flies from stop to stop; those that something is in the way of are counted and left out."""
+        for stop in stops:
+            if stage.go(stop):
+                yield stop
+            else:
+                self._skipped += 1
+
+    def _rng(self, task: Task) -> np.random.Generator:
+        return np.random.default_rng((task.seed, zlib.crc32(b"subtasks")))
