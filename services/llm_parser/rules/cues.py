@@ -40,7 +40,7 @@ _PUT_OUT = words("put placed place hung set stuck tied left installed mounted ta
 _FASTENED = words("hung stuck tied installed mounted taped propped hooked fixed fastened attached nailed pinned glued")
 _LOST = words("carried blew took ripped threw swept tore gave")
 _HAVE = words(
-    "has have having got own owns keep keeps kept with 's shows displays displaying features featuring bearing sports bears "
+    "has have having got own owns owning keep keeps kept with 's shows displays displaying features featuring bearing sports bears "
     "carries boasts showing holds wearing holding"
 )
 _HOUSEHOLD = words("she he they dad mum mom mummy daddy wife husband son daughter sister brother grandma grandpa")
@@ -67,6 +67,8 @@ def own_worth(tokens: list[Token], phrase: Phrase) -> float:
         worth += 1.0
     elif own & lex.ATTRIBUTES:
         worth += 0.5
+    if own <= lex.ATTRIBUTES - lex.OBJECT_NOUNS - _NOUNS_TOO:
+        worth -= 3.0
     if head in lex.PARCEL_NOUNS:
         worth -= 4.0 if len(own) == 1 else 0.5
     if head in lex.SOFT_NOUNS and phrase.last == phrase.head + 1:
@@ -75,6 +77,8 @@ def own_worth(tokens: list[Token], phrase: Phrase) -> float:
     inside = bool(phrase.lead) and tokens[phrase.lead - 1].is_word
     if len(own) == 1 and not phrase.determiner and inside and not known:
         worth -= 1.5 if proper else 0.75
+    if _addressed(tokens, phrase):
+        worth -= 4.0
     if phrase.determiner in ("no", "any", "every", "each"):
         worth -= 2.0
     if head.endswith(("ness", "tion", "ment", "ity", "ism")) and head not in _SOLID_IN_SPITE:
@@ -82,7 +86,16 @@ def own_worth(tokens: list[Token], phrase: Phrase) -> float:
     return worth
 
 
+_NOUNS_TOO = words("toy antique glass miniature plush square gold silver light marble paper leather straw bamboo")
 _SOLID_IN_SPITE = words("ornament instrument monument carnation harness")
+
+
+def _addressed(tokens: list[Token], phrase: Phrase) -> bool:
+    """ "Dear flying toaster, ...", "... you glorious machine." """
+    said = tokens[phrase.lead].norm if phrase.determiner == "-" else ""
+    called = said == "dear" or (phrase.lead > 0 and tokens[phrase.lead - 1].norm in ("dear", "you", "hello", "fellow"))
+    ends = phrase.last >= len(tokens) or tokens[phrase.last].kind in _BREAKS
+    return called and ends and phrase.determiner in ("", "-")
 
 
 def before(tokens: list[Token], phrase: Phrase, limit: int) -> float:
@@ -141,7 +154,7 @@ def _had(back: list[str]) -> float:
     first, second = back[0], back[1]
     if first == "of" and second in lex.ANCHORS:
         return 4.0
-    if first in _HAVE and _of_building(back):
+    if first == "with" and _of_building(back):
         return -6.0
     if first not in _HAVE and not (first in ("up", "out") and second in _HAVE):
         apart = set(back[1:5]) & words("have has got") and set(back[:4]) & lex.ANCHORS
@@ -275,7 +288,9 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     ahead.append("")
     first, second, near = ahead[0], ahead[1], set(ahead[:7])
     at_window = bool(near & lex.ANCHORS)
-    if first in _AT or first in _SET_UP:
+    if first in lex.ANCHORS:
+        score += 3.0
+    elif first in _AT or first in _SET_UP:
         score += 3.5 if at_window else 2.5 if first == "outside" else 1.0 if near & _PLACES else 0.0
         score += 1.0 if first in ("hanging", "standing") else 0.0
     elif (first == "to" and at_window and near & lex.MY) or (

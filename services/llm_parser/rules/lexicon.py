@@ -76,7 +76,7 @@ VERBS = words(
     "wonder wondering work works working worry write writing wrote written appreciate belong belongs bothering "
     "distinguishes decorates welcomes greets adorns faces faced hits reads peeking peeks dangles dangling flutters "
     "swings sways lights glows appears sings met ran ate drank drove rode sang swam threw wore woke grew drew fed fought "
-    "froze hid laid lent rang shut slept slid spent spoke stole struck swept swore taught tore understood became began "
+    "froze hid laid lent rang shut slept slid spent spoke stole struck swept swore taught tore understood became began sold shook sought sent spread "
     "blew broke bump bumped carried fastened won owns adorned attached rely depends depend shall suppose supposed "
     "wanting swallow replied reply rate rates judge regret"
 )
@@ -155,7 +155,7 @@ KIN = words(
     "mum mom mummy mommy mam ma dad daddy papa mama father mother brother sister son daughter wife husband grandma "
     "grandpa granny gran nan nana grandfather grandmother grandson granddaughter aunt auntie uncle cousin boyfriend "
     "girlfriend partner kid kids child children baby boy girl friend friends nurse doctor carer teacher boss widow warden "
-    "caretaker janitor cleaner roommate flatmate roommates flatmates widower twin nephew niece"
+    "caretaker janitor roommate flatmate roommates flatmates widower twin nephew niece"
 )
 PARCEL_NOUNS = words(
     "parcel parcels package packages delivery deliveries order orders shipment shipments item items goods stuff box "
@@ -199,7 +199,7 @@ NON_OBJECTS = (
         "basement penthouse total maximum minimum maintenance attention attn recipient sender subject department "
         "party eyesore nose spectacle disgrace tragedy masterpiece thank bless anyone knocking ring ringing "
         "wheelchair knee ankle leg back typos typo screen scren keyboard form forms button buttons panel look truth "
-        "apology apologies wishes compliments greetings decor fellow fellows appointment chat job hurry revenge reward course guests streets mortal coordinates excuse pleasure wish "
+        "apology apologies talent talents destiny wishes compliments greetings decor fellow fellows appointment chat job hurry revenge reward course guests streets mortal coordinates excuse pleasure wish "
         "one ones other others latter former rest none lots plenty dozen pair tops news earth god goodness heaven "
         "sake mission applause hello goodbye cheers noon meter battery signal yes mom's bell hint clue tip"
     )

@@ -87,6 +87,7 @@ class _Chunker:
             return None
         if not determiner and all(self._norm(i) in lex.ATTRIBUTES or self._norm(i) == "and" for i in range(first, at)):
             return None
+        at = self._without_place(first, at)
         head = at - 1
         if self._norm(at) == "'s" and self._belongs(at + 1, True, False):
             return self._possessive(lead, first, at, determiner)
@@ -132,7 +133,12 @@ class _Chunker:
         )
 
     def _is_break(self, at: int) -> bool:
-        return not 0 <= at < self._size or at in self._taken or self._tokens[at].kind in (Kind.SYMBOL, Kind.STOP)
+        return not 0 <= at < self._size or at in self._taken or self._is_sign(at)
+
+    def _is_sign(self, at: int) -> bool:
+        token = self._tokens[at]
+        picture = token.kind is Kind.CODE and not any(c.isalnum() for c in token.raw)
+        return picture or token.kind in (Kind.SYMBOL, Kind.STOP)
 
     def _make(self, determiner: str, lead: int, first: int, last: int, head: int) -> Phrase:
         words = tuple(self._tokens[i].raw.lower() if self._tokens[i].raw else self._norm(i) for i in range(first, last))
@@ -269,6 +275,14 @@ class _Chunker:
             return first + 1  # "Marker blue vase."
         return first
 
+    def _without_place(self, first: int, end: int) -> int:
+        """ "large clay pot window": the place behind is no part of the thing; "kitchen window" is no thing."""
+        last = self._norm(end - 2)
+        named = end - first > 2 or last in lex.OBJECT_NOUNS
+        if self._norm(end - 1) not in _WINDOWS or end - first < 2 or not named:
+            return end
+        return end if last in lex.NON_OBJECTS | lex.ATTRIBUTES else end - 1
+
     def _extend(self, at: int, head: int) -> int:
         noun = self._norm(head)
         for _ in range(3):
@@ -316,6 +330,7 @@ _NEVER_FIRST = frozenset(
     if not word.endswith(("ing", "ed"))
 )
 _HOLDERS = lex.ANCHORS | words("flat apartment facade façade unit house")
+_WINDOWS = words("window balcony sill windowsill ledge")
 _MARKS = words("marker mark landmark identifier beacon")
 _PERSONAL = words("i we you he she it they")
 _AFTER_THINGS = words("there here outside outdoors upright please thanks thx ty cheers bye okay ok now")

@@ -139,7 +139,8 @@ def _any_of(phrases: tuple[str, ...]) -> re.Pattern[str]:
 _DENIAL = _any_of(_DENIALS)
 _BELONGS_ELSEWHERE = re.compile(r" belongs? to (?!me |us |my (?!neighbour)|our (?!neighbour))| = not ")
 _CONFIRMATION = _any_of(_CONFIRMATIONS)
-_GOES_ON = words("you then that which it but not no and so is was = he she they - (")
+_OLD_ONE = re.compile(r"(?: wait| no| sorry| oops)* (?:that|it|this) (?:is|was) (?:my|our|the) (?:old|former|previous) ")
+_GOES_ON = words("belongs belonged you then that which it but not no and so is was = he she they - (")
 
 
 def after(tokens: list[Token], at: int, limit: int) -> str:
@@ -170,6 +171,8 @@ def denied_after(text: str) -> bool:
         first, second = own.split("|", 1)
         goes_on = second.startswith((" that is", " no ", " it is not", " not", " stay away"))
         own = first + (second.split("|")[0] if goes_on else "")
+    if _OLD_ONE.match(text) is not None:
+        return True
     return _DENIAL.search(own) is not None or _BELONGS_ELSEWHERE.search(own) is not None
 
 

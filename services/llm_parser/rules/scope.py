@@ -112,6 +112,7 @@ _DONT_VERBS = words(
     "drop fly take put land try approach confused mixed want use choose pick mistaken mind give listen distracted "
     "tricked"
 )
+_NOT_BUT = words("every everyone everybody many only just")
 _NOT_BRIDGE = (
     lex.ARTICLES
     | lex.ANCHORS
@@ -138,6 +139,10 @@ def negated(tokens: list[Token], at: int, floor: int = 0) -> bool:
             continue
         following = tokens[back + 1].norm
         if word == "but" or (word in ("it", "that") and following in ("is", "'s") and back + 2 <= at):
+            return False
+        if word in ("not", "never") and (
+            following in _NOT_BUT or (following == "seen" and tokens[back - 1].norm in ("had", "have"))
+        ):
             return False
         if word in ("not", "isn't", "don't", "no") and direct:
             return word != "no" or tokens[at - 1].norm == "no"
