@@ -147,8 +147,10 @@ class TruthView(Wire):
 
 class Truth(Wire):
     """`remaining_m` is the shortest collision-free way from each candidate to the goal's window; null if there
-    is none."""
+    is none. `scene` and `moves` say where and when: the scene's name, and how many moves the drone has made."""
 
+    scene: str = ""
+    moves: int = 0
     pose: Pose
     views: tuple[TruthView, ...]
     remaining_m: tuple[float | None, ...]

@@ -37,6 +37,11 @@ class LiveEpisode:
             self._world.close()
             raise
 
+    @property
+    def moves(self) -> int:
+        """How many the drone has made."""
+        return self._moves
+
     def close(self) -> None:
         """Gives the physics client back."""
         self._world.close()

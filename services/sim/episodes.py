@@ -158,6 +158,7 @@ class Episodes:
         """Raises NotFound or Unavailable."""
         async with self._turn(episode_id) as seat:
             pose, uploaded, ready = seat.episode.pose, seat.shelved.uploaded, seat.shelved.ready
+            moves = seat.episode.moves
             ids = await draw(
                 self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, question.views, question.size)
             )
@@ -167,7 +168,8 @@ class Episodes:
                     truth_view(ready.scene, ready.mesh, ready.things, pose, heading, seen)
                     for heading, seen in zip(question.views, ids, strict=True)
                 )
-                return Truth(pose=pose, views=views, remaining_m=ready.way_home.remaining_m(question.candidates))
+                remaining_m = ready.way_home.remaining_m(question.candidates)
+                return Truth(scene=ready.scene.name, moves=moves, pose=pose, views=views, remaining_m=remaining_m)
 
             return await self._work(found)
 

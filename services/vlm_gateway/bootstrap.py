@@ -24,6 +24,7 @@ from services.vlm_gateway.config import (
     EmbeddedModelConfig,
     ModelConfig,
     OracleModelConfig,
+    OracleNoise,
     api_key,
     chat_model,
     load_config,
@@ -40,7 +41,7 @@ def build(settings: Settings) -> FastAPI:
     """Raises BadSetting, naming what is wrong and what would be right."""
     path = settings.text("GATEWAY_CONFIG")
     sim_url = settings.text("ORACLE_SIM_URL")
-    config = load_config(Path(path) if path else None, oracle_allowed=sim_url is not None)
+    config = load_config(Path(path) if path else None, oracle_allowed=sim_url is not None, noise=_noise(settings))
     where = path or "GATEWAY_CONFIG"
     http = HttpMetrics()
     figures = GatewayMetrics(http.registry)
@@ -57,6 +58,20 @@ def build(settings: Settings) -> FastAPI:
     }
     gateway = Gateway(backends, config.roles, cache, figures)
     return build_app(gateway, http, token=settings.text("GATEWAY_TOKEN"))
+
+
+def _noise(settings: Settings) -> OracleNoise:
+    def rate(name: str) -> float:
+        return settings.number(name, 0.0, 0.0, 1.0)
+
+    return OracleNoise(
+        miss_rate=rate("ORACLE_MISS_RATE"),
+        false_claim_rate=rate("ORACLE_FALSE_CLAIM_RATE"),
+        floor_miscount_rate=rate("ORACLE_FLOOR_MISCOUNT_RATE"),
+        box_jitter=rate("ORACLE_BOX_JITTER"),
+        refusal_rate=rate("ORACLE_REFUSAL_RATE"),
+        seed=settings.integer("ORACLE_NOISE_SEED", 0, 0, 2**31 - 1),
+    )
 
 
 class Sim(NamedTuple):

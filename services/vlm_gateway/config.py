@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, ValidationError
 
-from contracts.base import Name, Wire
+from contracts.base import Name, Unit, Wire
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, Settings
 from services.vlm_gateway.presets import Family, Server, Structured, families, servers
@@ -51,6 +51,25 @@ class ScriptedModelConfig(_Limits):
     repeat: bool = False
 
 
+class OracleNoise(Wire):
+    """How wrong the oracle is, on purpose; shares and probabilities in 0..1. What happens at a stop follows from
+    `seed`, the scene's name and the number of the move, so that two policies meet the same faults in the same place.
+
+    `miss_rate`: a view that shows the object says nothing. `false_claim_rate`: a look claims another thing as well.
+    `floor_miscount_rate`: a count is one too high or too low. `box_jitter`: sigma by which each edge of a box is off,
+    as a share of the box. `refusal_rate`: a question is declined."""
+
+    miss_rate: Unit = 0.0
+    false_claim_rate: Unit = 0.0
+    floor_miscount_rate: Unit = 0.0
+    box_jitter: Unit = 0.0
+    refusal_rate: Unit = 0.0
+    seed: int = Field(default=0, ge=0, le=2**31 - 1)
+
+
+NO_NOISE = OracleNoise()
+
+
 class OracleModelConfig(_Limits):
     """An object counts as seen when at least `min_share` of its outline and `min_pixels` pixels of a picture of
     `size` x `size` show it, no farther away than `max_distance_m`."""
@@ -61,6 +80,7 @@ class OracleModelConfig(_Limits):
     min_pixels: int = Field(default=80, ge=1, le=1_000_000)
     max_distance_m: float = Field(default=25.0, gt=0.0, le=1000.0)
     size: int = Field(default=800, ge=64, le=1600)
+    noise: OracleNoise = NO_NOISE
 
 
 class ChatModelConfig(_Limits):
@@ -133,14 +153,14 @@ class ChatModel(Wire):
         return self.config.min_pixels or self.family.min_pixels, self.config.max_pixels or self.family.max_pixels
 
 
-def load_config(path: Path | None, *, oracle_allowed: bool) -> GatewayConfig:
+def load_config(path: Path | None, *, oracle_allowed: bool, noise: OracleNoise = NO_NOISE) -> GatewayConfig:
     """The file's models and roles on top of the defaults: `embedded` for every vision role, and `oracle` as a further
-    alias where it is allowed. Raises BadSetting naming file and key."""
+    alias where it is allowed, as noisy as `noise` says. Raises BadSetting naming file and key."""
     file = _File() if path is None else _read(path)
     where = str(path)
     models: dict[str, ModelConfig] = {"embedded": EmbeddedModelConfig(backend="embedded")}
     if oracle_allowed:
-        models["oracle"] = OracleModelConfig(backend="oracle")
+        models["oracle"] = OracleModelConfig(backend="oracle", noise=noise)
     models.update(file.models)
     for alias, model in models.items():
         if isinstance(model, OracleModelConfig) and not oracle_allowed:

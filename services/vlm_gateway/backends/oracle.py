@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from contracts.geometry import Heading, Point3, Pose
 from contracts.sim import Episode, Truth, TruthQuestion, TruthView
-from contracts.vlm_gateway import MarkedPoint, Match
+from contracts.vlm_gateway import MarkedPoint, Match, Role
 from service_kit.client import CallError, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import (
@@ -25,16 +25,21 @@ from services.vlm_gateway.backends.base import (
     Reply,
     Sightings,
 )
+from services.vlm_gateway.backends.noise import Count, Faults
 from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
 
 A = TypeVar("A", bound=BaseModel)
 FOV_DEG = 90.0
 FRONT: Heading = 0
+SMALLEST = 64
+BUILDING_BOX, WHOLE_LOOK = 1000, 2000
+"""Beside the headings: the faults of a question that is not about one view."""
+DECLINED = "declined, as the oracle's noise wants it"
 
 
 class OracleBackend:
-    """`config` says when an object counts as seen."""
+    """`config` says when an object counts as seen, and how wrong to be on purpose."""
 
     kind: Kind = "oracle"
     cacheable = False
@@ -49,19 +54,39 @@ class OracleBackend:
         return {}
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
-        view = (await self._truth(_named(ask.episode), (FRONT,))).views[0]
+        truth = await self._truth(_named(ask.episode), (FRONT,), role="floors")
+        faults = Faults(self._config.noise, truth, "floors")
+        if faults.refuses:
+            return Reply("refused", text=DECLINED)
+        view = truth.views[0]
         rows = tuple(sorted(min(1.0, max(0.0, row)) for row in view.floor_rows))  # topmost first
-        return Reply("answered", Floors(view.floors_visible, rows))
+        return Reply("answered", Floors(*faults.miscounted(Count(view.floors_visible, rows))))
 
     async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
-        view = (await self._truth(_named(ask.episode), (FRONT,))).views[0]
-        return Reply("answered", Building(view.building_box))
+        truth = await self._truth(_named(ask.episode), (FRONT,), role="floors")
+        faults = Faults(self._config.noise, truth, "floors", heading_deg=BUILDING_BOX)
+        if faults.refuses:
+            return Reply("refused", text=DECLINED)
+        box = truth.views[0].building_box
+        return Reply("answered", Building(faults.jittered(box) if box is not None else None))
 
     async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         """The goal object, whatever the phrase: what the customer meant is known here."""
         headings = tuple(view.heading_deg for view in ask.views)
-        truth = await self._truth(_named(ask.episode), headings)
-        matches = [match for view in truth.views for match in self._seen(view)]
+        truth = await self._truth(_named(ask.episode), headings, role="recognition")
+        noise = self._config.noise
+        look = Faults(noise, truth, "recognition", heading_deg=WHOLE_LOOK)
+        if look.refuses:
+            return Reply("refused", text=DECLINED)
+        matches = []
+        for view in truth.views:
+            faults = Faults(noise, truth, "recognition", view.heading_deg)
+            matches += [
+                m.model_copy(update={"box": faults.jittered(m.box)}) for m in self._seen(view) if not faults.misses
+            ]
+        false = look.false_match(truth.views) if look.claims_falsely else None
+        if false is not None:
+            matches.append(false)
         return Reply("answered", Sightings(tuple(sorted(matches, key=lambda match: -match.confidence))))
 
     async def choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
@@ -69,7 +94,9 @@ class OracleBackend:
         episode = _named(ask.episode)
         pose = (await self._call("GET", f"/v1/episodes/{episode}", Episode)).pose
         ends = tuple(end_of(point, ask.heading_deg, pose) for point in ask.points)
-        truth = await self._truth(episode, (FRONT,), candidates=ends, size=64)
+        truth = await self._truth(episode, (FRONT,), role="choice", candidates=ends)
+        if Faults(self._config.noise, truth, "choice", ask.heading_deg).refuses:
+            return Reply("refused", text=DECLINED)
         ways = [(way_m, at) for at, way_m in enumerate(truth.remaining_m[: len(ask.points)]) if way_m is not None]
         if not ways:
             return Reply("refused", text="no way leads from any of the points to the goal")
@@ -96,10 +123,12 @@ class OracleBackend:
         episode: str,
         views: tuple[Heading, ...],
         *,
+        role: Role,
         candidates: tuple[Point3, ...] = (),
-        size: int | None = None,
     ) -> Truth:
-        question = TruthQuestion(views=views, size=size or self._config.size, candidates=candidates)
+        # what a direction is chosen by is no picture: the smallest one is asked for
+        size = SMALLEST if role == "choice" else self._config.size
+        question = TruthQuestion(views=views, size=size, candidates=candidates)
         truth = await self._call("POST", f"/v1/episodes/{episode}/truth", Truth, question)
         if len(truth.views) != len(views) or len(truth.remaining_m) < len(candidates):
             raise ModelUnreachable("the simulator's truth is incomplete", details={"reason": "contract"})
