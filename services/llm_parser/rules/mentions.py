@@ -93,7 +93,20 @@ class _Finder:
         if before in lex.TIMES or self._norm(at + 1) == "of" or before in ("may", "march"):
             return 0
         words_before = {self._norm(at - k) for k in (1, 2, 3, 4)}
-        if before == "the" or before in ("on", "to", "in", "for", "at", ":", "=", "no", "actually", "sorry", "now", "*"):
+        if before == "the" or before in (
+            "on",
+            "to",
+            "in",
+            "for",
+            "at",
+            ":",
+            "=",
+            "no",
+            "actually",
+            "sorry",
+            "now",
+            "*",
+        ):
             placed = bool(words_before & {"on", "to", "up", "from", "floor", "live", "at", "in", "no", "say", "saying"})
             small = (
                 value <= 2

@@ -70,7 +70,7 @@ def _stands_alone(tokens: list[Token], scored: ScoredPhrase, taken: Set[int]) ->
     head = tokens[phrase.head]
     long = phrase.last - phrase.first > 1
     if phrase.determiner in ("a", "an") or (
-        phrase.determiner == "the" and (long or cues.own_worth(tokens, phrase) > 0)
+        phrase.determiner in ("the", "my", "our") and (long or cues.own_worth(tokens, phrase) > 0)
     ):
         return scored.score >= LEAST and phrase.head != 0
     named = head.raw[:1].isupper() and phrase.lead > 0

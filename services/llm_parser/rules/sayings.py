@@ -139,7 +139,9 @@ def _any_of(phrases: tuple[str, ...]) -> re.Pattern[str]:
 _DENIAL = _any_of(_DENIALS)
 _BELONGS_ELSEWHERE = re.compile(r" belongs? to (?!me |us |my (?!neighbour)|our (?!neighbour))| = not ")
 _CONFIRMATION = _any_of(_CONFIRMATIONS)
-_OLD_ONE = re.compile(r"(?: wait| no| sorry| oops)* (?:that|it|this) (?:is|was) (?:my|our|the) (?:old|former|previous) ")
+_OLD_ONE = re.compile(
+    r"(?: wait| no| sorry| oops)* (?:that|it|this) (?:is|was) (?:my|our|the) (?:old|former|previous) "
+)
 _GOES_ON = words("belongs belonged you then that which it but not no and so is was = he she they - (")
 
 

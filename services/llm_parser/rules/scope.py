@@ -61,6 +61,9 @@ def _mine_said(tokens: list[Token], at: int) -> bool:
 _MARKED = words("with who whose on behind at")
 
 
+_PERFECT = words("not never seen been always")
+
+
 def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
     """What the word at `at` says about the owner of what is mentioned at `mention`."""
     word = tokens[at].norm
@@ -82,6 +85,8 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.UNSAID
     if word in lex.KIN and at + 1 < mention and following in _KIN_HAS and before != "the":
         return Owner.SOMEONE
+    if following in ("had", "have", "has") and at + 2 < len(tokens) and tokens[at + 2].norm in _PERFECT:
+        return None  # "they had not seen ..." owns nothing
     got = following in ("is", "'s") and at + 2 < len(tokens) and tokens[at + 2].norm == "got"
     if (word in ("he", "she", "they") and (got or following in _PRONOUN_HAS)) or word in ("his", "her", "their"):
         return Owner.SOMEONE
@@ -207,7 +212,7 @@ def past(tokens: list[Token], at: int, was_within: int = 3) -> bool:
             return True
         if word in ("put", "said", "gave", "says") and _is_form(tokens, back, at):
             return True
-        if word == "last" and following in ("time", "week", "month", "year"):
+        if word == "last" and was_within > 1 and following in ("time", "week", "month", "year"):
             return True
         if word == "before" and (back == 0 or not tokens[back - 1].is_word or following in ("i", "we", "it", "this")):
             return True
@@ -217,7 +222,7 @@ def past(tokens: list[Token], at: int, was_within: int = 3) -> bool:
             return False
         if word == "moved" and not any(t.norm in ("from", "out") for t in tokens[back:at]):
             continue
-        if word in _PAST_WORDS:
+        if word in _PAST_WORDS and not (word == "until" and following in ("you", "your", "it", "the")):
             return True
     return False
 
