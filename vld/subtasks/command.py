@@ -61,8 +61,8 @@ def print_scores(console: Console, scores: SubtaskScores) -> None:
     """A subtask's figures on a terminal."""
     skipped = f", {scores.skipped} stops skipped" if scores.skipped else ""
     console.print(
-        f"{scores.subtask} by {scores.model or scores.backend}: {scores.questions} questions over {scores.tasks} tasks{skipped}, "
-        f"{scores.wall_s:.0f} s",
+        f"{scores.subtask} by {scores.model or scores.backend}: {scores.questions} questions over {scores.tasks} "
+        f"tasks{skipped}, {scores.wall_s:.0f} s",
         highlight=False,
     )
     main = Table(box=None, padding=(0, 2), show_header=False)

@@ -21,7 +21,8 @@ class Figures(NamedTuple):
 
 class SubtaskScores(Wire):
     """One role's figures. `questions` were asked over `tasks` tasks; one that brought no readable answer counts as
-    wrong and shows in `model_calls` as well. `model`: who answered, by its own account. `skipped`: stops that the drone could not reach, or without a question."""
+    wrong and shows in `model_calls` as well. `model`: who answered, by its own account. `skipped`: stops that the drone
+    could not reach, or without a question."""
 
     subtask: Subtask
     backend: Name
