@@ -109,7 +109,7 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
     pose = scan.pose
     for _ in range(_MOST_PLANS):
         grid = memory.map
-        left = facade.uninspected(grid, target, settings) | grid.expected
+        left = facade.unseen(grid, target, settings)
         walls = _cut_cells(memory, settings)
         clear = path.clearance_m(grid)
         goal = choose_goal(grid, left, clear, walls, pose, settings) if left.any() else None

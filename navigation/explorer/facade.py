@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.explorer.map import OCCUPIED, SIZE, Map, cells_of
-from navigation.explorer.scan import BIN_DEG, BINS, Scan, bin_bearings_deg
+from navigation.explorer.map import CELL_M, OCCUPIED, SIZE, Map, cells_of
+from navigation.explorer.scan import BINS, Scan
 from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -58,9 +58,15 @@ def runs(scan: Scan) -> Cells:
     inverse = np.where(hit, 1.0 / np.maximum(ranges, 1e-3, where=hit, out=np.full(BINS, 1.0)), 0.0)
     both = hit[:-1] & hit[1:]
     near = gap < 0.7 + 0.05 * np.minimum(ranges[:-1], ranges[1:], where=both, out=np.zeros(BINS - 1))
-    turn = 2.0 * math.cos(math.radians(BIN_DEG))
     straight = np.zeros(BINS - 1, bool)
-    off = np.abs(inverse[2:] - turn * inverse[1:-1] + inverse[:-2])  # of three neighbours, from one straight wall
+    turn = np.deg2rad(np.diff(scan.bearing_deg))
+    both_turns = turn[1:] + turn[:-1]
+    off = (
+        np.abs(  # of three neighbours, from one straight wall
+            inverse[2:] * np.sin(turn[:-1]) - inverse[1:-1] * np.sin(both_turns) + inverse[:-2] * np.sin(turn[1:])
+        )
+        / np.maximum(np.sin(turn[:-1]), 1e-4)
+    )
     on_line = off * np.where(hit[1:-1], ranges[1:-1], 0.0) ** 2 < 0.25 + 0.15 * gap[1:]
     straight[1:] |= on_line & hit[:-2]
     straight[:-1] |= on_line & hit[2:]
@@ -105,7 +111,7 @@ def normals(scan: Scan, run: Cells) -> Floats:
 def find_seed(scan: Scan, walls: Walls, box_deg: tuple[float, float]) -> Seed | None:
     """The facade ahead: of the runs within `box_deg` (bearings, left to right) and 16 m the one with most returns,
     at its return nearest to the box's middle. Where there is none, anything within 25 m, wherever; None for nothing."""
-    bearing = bin_bearings_deg()
+    bearing = scan.bearing_deg
     near = (walls.run >= 0) & (scan.range_m <= 16.0) & (bearing >= box_deg[0]) & (bearing <= box_deg[1])
     if not near.any():
         near = (walls.run >= 0) & (scan.range_m <= 25.0)
@@ -141,12 +147,12 @@ def seen_cells(grid: Map, target: Bools) -> Bools:
     return about & target
 
 
-def uninspected(grid: Map, target: Bools, settings: Settings) -> Bools:
-    """(SIZE, SIZE) the target's cells that no stop has seen well, nor any cell beside them, and that are worth a stop:
-    in pieces of at least `min_patch_m`, not yet tried in vain `attempts` times."""
-    left = target & ~seen_cells(grid, target) & (grid.attempts < settings.attempts)
+def unseen(grid: Map, target: Bools, settings: Settings) -> Bools:
+    """(SIZE, SIZE) what is worth a stop: the target's cells that no stop has seen well, nor any cell beside them, and
+    the expected ones; in pieces of at least `min_patch_m`, not yet tried in vain `attempts` times."""
+    left = (target & ~seen_cells(grid, target) & (grid.attempts < settings.attempts)) | grid.expected
     count, labels, stats, _ = cv2.connectedComponentsWithStats(left.astype(np.uint8), connectivity=8)
-    extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * 0.5
+    extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * CELL_M
     worth = extent >= settings.min_patch_m
     worth[0] = False
     out: Bools = worth[labels] if count > 1 else np.zeros_like(left)

@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from navigation.camera import Pose
 from navigation.explorer.facade import Walls
 from navigation.explorer.map import CELL_M, FREE, SIZE, UNKNOWN, Cells, Map, cells_of, from_turns, to_turns
 from navigation.explorer.scan import BINS, Scan
@@ -36,7 +38,7 @@ def expect(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Setting
     """Draws, in place, what each end of the target's runs lets expect; then drops what has turned out otherwise."""
     for guess in guesses(grid, scan, walls, target, settings):
         _draw(grid, guess, target, settings)
-    forget(grid, target)
+    forget(grid, target, scan.pose)
 
 
 def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settings) -> Iterator[Guess]:
@@ -49,14 +51,14 @@ def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settin
         if len(members) < _FEW or 2 * int(ours[members].sum()) < len(members):
             continue
         for end, step in ((int(members[-1]), 1), (int(members[0]), -1)):
-            guess = _beyond(scan, walls, points, members, end, step, settings)
+            guess = _beyond(scan, walls, points, ours, members, end, step, settings)
             if guess is not None:
                 yield guess
 
 
-def forget(grid: Map, target: Bools) -> None:
+def forget(grid: Map, target: Bools, pose: Pose) -> None:
     """Drops, in place, expected cells that became known, lie beside the target's wall of like normal, between two of
-    its cells or behind it, or failed to show when a stop was flown to see them."""
+    its cells or behind it, within a contour that has closed, or failed to show when a stop was flown to see them."""
     rows, columns = np.nonzero(grid.expected)
     if not len(rows):
         return
@@ -70,7 +72,8 @@ def forget(grid: Map, target: Bools) -> None:
             there = target[r, c]
             beside += there
             keep &= ~(there & ((from_turns(grid.normal[r, c]) * own).sum(axis=1) > LIKE))
-    grid.expected[rows, columns] = keep & (beside < 2) & ~_is_behind(grid, target, rows, columns, own)
+    keep &= (beside < 2) & ~_is_behind(grid, target, rows, columns, own)
+    grid.expected[rows, columns] = keep & _outside(grid, target, pose)[rows, columns]
 
 
 def _is_behind(grid: Map, target: Bools, rows: Cells, columns: Cells, normals: Floats) -> Bools:
@@ -86,8 +89,23 @@ def _is_behind(grid: Map, target: Bools, rows: Cells, columns: Cells, normals: F
     return behind
 
 
+def _outside(grid: Map, target: Bools, pose: Pose) -> Bools:
+    """(SIZE, SIZE) what can be reached from the drone without crossing the target's wall."""
+    labels = cv2.connectedComponents((~target).astype(np.uint8), connectivity=4)[1]
+    cell = int(cells_of(grid, np.array([[pose.x, pose.y]]))[0])
+    out: Bools = labels == labels.reshape(-1)[cell] if cell >= 0 else np.ones_like(target)
+    return out
+
+
 def _beyond(
-    scan: Scan, walls: Walls, points: Floats, members: NDArray[np.intp], end: int, step: int, settings: Settings
+    scan: Scan,
+    walls: Walls,
+    points: Floats,
+    ours: Bools,
+    members: NDArray[np.intp],
+    end: int,
+    step: int,
+    settings: Settings,
 ) -> Guess | None:
     """What to expect beyond one end of a run, by what the neighbouring ray sees."""
     inner = _window_inside(points, members, end, step, max(0.9, 0.05 * float(scan.range_m[end])))
@@ -108,8 +126,13 @@ def _beyond(
         return Guess(start, ahead, face, settings.straight_on_m, 0.0)
     if scan.range_m[beside] < scan.range_m[end]:  # something nearer hides the rest
         return Guess(start, ahead, face, settings.straight_on_m, 0.0)
+    hidden_m = settings.hidden_face_m
+    if ours[beside]:  # a step in the facade, no deeper than where the ray past its edge meets the same building
+        hidden_m = min(hidden_m, float((at - points[beside]) @ normal))
+        if hidden_m < settings.min_patch_m:
+            return None
     corner = (start[0] + ahead[0] * CELL_M / 2, start[1] + ahead[1] * CELL_M / 2)
-    return Guess(corner, (-face[0], -face[1]), ahead, settings.hidden_face_m, _FREE_END_M)
+    return Guess(corner, (-face[0], -face[1]), ahead, hidden_m, _FREE_END_M)
 
 
 def _window_inside(points: Floats, members: NDArray[np.intp], end: int, step: int, reach: float) -> int:

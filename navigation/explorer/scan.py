@@ -22,17 +22,19 @@ class Scan(NamedTuple):
     """A panorama from `pose`, bearings from -135 to 135 degrees (positive to the right of the nose) in bins.
 
     `range_m` (BINS,): level distance to the nearest return of the facade's band; inf where there is none, nan where no
-    camera saw anything valid. `body_m`: the same for the higher band that the drone's body needs.
+    camera saw anything valid. `bearing_deg`: of that return, or the bin's middle. `body_m`: the range for the higher
+    band that the drone's body needs.
     """
 
     pose: Pose
     range_m: Floats
+    bearing_deg: Floats
     body_m: Floats
 
     @property
     def angles(self) -> Floats:
-        """(BINS,) direction of each bin's middle, radians counter-clockwise from east; falls from left to right."""
-        return self.pose.yaw - np.deg2rad(bin_bearings_deg())
+        """(BINS,) direction of each bin's return, radians counter-clockwise from east; falls from left to right."""
+        return self.pose.yaw - np.deg2rad(self.bearing_deg)
 
     def points(self, ranges_m: Floats) -> Floats:
         """(BINS, 2) ENU plan points at the given ranges; not finite where the range is not."""
@@ -54,13 +56,15 @@ def panorama(views: Sequence[DepthView], pose: Pose, band_m: float, body_band_m:
     """
     straight = [view for view in views if view.heading_deg in (-90, 0, 90)]
     below = min(body_band_m, max(0.0, pose.z - 0.4))
-    ranges, bodies = np.full(BINS, np.nan), np.full(BINS, np.nan)
+    ranges, bearings, bodies = np.full(BINS, np.nan), bin_bearings_deg(), np.full(BINS, np.nan)
     for view in straight if len(straight) == 3 else views:
         columns = level_ranges_m(view, min(band_m, below), band_m)
-        ranges = np.fmin(ranges, _binned(view, columns))
+        found, at = _binned(view, columns)
+        bearings = np.where((found < ranges) | np.isnan(ranges), at, bearings)
+        ranges = np.fmin(ranges, found)
         columns = level_ranges_m(view, below, body_band_m)
-        bodies = np.fmin(bodies, _binned(view, columns))
-    return Scan(pose, ranges, bodies)
+        bodies = np.fmin(bodies, _binned(view, columns)[0])
+    return Scan(pose, ranges, bearings, bodies)
 
 
 def level_ranges_m(view: DepthView, below_m: float, above_m: float) -> Floats:
@@ -84,8 +88,9 @@ def level_ranges_m(view: DepthView, below_m: float, above_m: float) -> Floats:
     return level
 
 
-def _binned(view: DepthView, columns_m: Floats) -> Floats:
-    """(BINS,) the nearest of the columns in each bin; the next column where columns are wider than bins."""
+def _binned(view: DepthView, columns_m: Floats) -> tuple[Floats, Floats]:
+    """(BINS,) the nearest of the columns in each bin, and its bearing; where columns are wider than bins, the next
+    column's range at the bin's middle."""
     width = len(columns_m)
     bearings = np.degrees(np.arctan(column_slopes(pinhole(width, 1)).astype(np.float64))) + view.heading_deg
     first = max(0, math.ceil((view.heading_deg - 45.0 + REACH_DEG) / BIN_DEG - 1e-9))
@@ -93,8 +98,12 @@ def _binned(view: DepthView, columns_m: Floats) -> Floats:
     edges = np.arange(first, past) * BIN_DEG - REACH_DEG
     starts = np.minimum(np.searchsorted(bearings, edges), width - 1)
     known = np.where(np.isnan(columns_m), np.inf, columns_m)
-    out = np.full(BINS, np.nan)
-    out[first:past] = np.minimum.reduceat(known, starts)
+    ranges, at = np.full(BINS, np.nan), bin_bearings_deg()
+    least = np.minimum.reduceat(known, starts)
     blind = np.minimum.reduceat(np.isnan(columns_m).astype(np.int8), starts) > 0
-    out[first:past][blind] = np.nan
-    return out
+    ranges[first:past] = np.where(blind, np.nan, least)
+    owner = np.searchsorted(edges, bearings, side="right") - 1
+    mine = (owner >= 0) & np.isfinite(known)
+    mine[mine] = known[mine] == least[owner[mine]]
+    at[first + owner[mine]] = bearings[mine]
+    return ranges, at

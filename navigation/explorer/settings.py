@@ -36,7 +36,7 @@ class Settings(NamedTuple):
     hidden_face_m: float = 8.0
     straight_on_m: float = 5.0
     bridge_m: float = 8.0
-    min_patch_m: float = 1.0
+    min_patch_m: float = 1.6
     gain_bias_m: float = 8.0
     min_gain_m: float = 3.0
     gain_cap_m: float = 14.0

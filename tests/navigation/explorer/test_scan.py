@@ -1,0 +1,73 @@
+"""The panorama: the nearest return in the band of heights, by bearing."""
+
+import math
+
+import numpy as np
+import pytest
+
+from navigation.camera import DepthView, Pose, pinhole
+from navigation.explorer.scan import BINS, bin_bearings_deg, level_ranges_m, panorama
+from tests.navigation.raycast_world import Prism, World, rectangle
+
+HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
+CAMERA = pinhole(180, 120)
+
+
+def _scan(prisms: list[Prism], pose: Pose = HERE, ground: bool = False):
+    return panorama(list(World(prisms, ground=ground).views(pose, CAMERA).values()), pose, 0.5, 1.2)
+
+
+def _towards(scan, bearing_deg: float) -> float:
+    return float(scan.range_m[np.abs(bin_bearings_deg() - bearing_deg).argmin()])
+
+
+def test_planar_depth_becomes_distance_over_the_whole_panorama() -> None:
+    room = [Prism(rectangle(0, 10.5, 60, 1)), Prism(rectangle(10.5, 0, 1, 60)), Prism(rectangle(-10.5, 0, 1, 60))]
+    scan = _scan(room)
+    assert _towards(scan, 0.25) == pytest.approx(10.0, abs=0.05)
+    assert _towards(scan, 90.25) == pytest.approx(10.0, abs=0.05)
+    assert _towards(scan, -90.25) == pytest.approx(10.0, abs=0.05)
+    assert _towards(scan, 44.25) == pytest.approx(10.0 / math.cos(math.radians(44.25)), abs=0.1)
+    points = scan.points(scan.range_m)
+    hit = np.isfinite(points).all(axis=1)
+    assert np.all(np.abs(np.abs(points[hit]).max(axis=1) - 10.0) < 0.15)
+
+
+def test_a_railing_in_the_band_hides_the_wall_and_a_slab_above_it_does_not() -> None:
+    wall = Prism(rectangle(0, 10.5, 60, 1))
+    railing = Prism(rectangle(0, 8.0, 4, 0.1), 7.0, 8.2)
+    slab = Prism(rectangle(0, 8.0, 4, 0.5), 8.9, 9.1)
+    assert _towards(_scan([wall, railing]), 0.25) == pytest.approx(7.95, abs=0.05)
+    scan = _scan([wall, slab])
+    assert _towards(scan, 0.25) == pytest.approx(10.0, abs=0.05)
+    assert scan.body_m[BINS // 2] == pytest.approx(7.75, abs=0.05)
+
+
+def test_the_ground_is_neither_wall_nor_obstacle_for_a_drone_that_flies_low() -> None:
+    low = HERE._replace(z=1.2)
+    scan = _scan([Prism(rectangle(0, 30.5, 60, 1))], low, ground=True)
+    assert _towards(scan, 0.25) == pytest.approx(30.0, abs=0.1)
+    assert np.nanmin(scan.body_m) > 20.0
+
+
+def test_no_return_is_infinite_and_what_no_camera_saw_is_unknown() -> None:
+    views = World([]).views(HERE, CAMERA)
+    scan = panorama([views[0]], HERE, 0.5, 1.2)
+    assert np.isinf(scan.range_m[BINS // 2])
+    assert np.isnan(scan.range_m[0])
+    blind = DepthView(0, np.full((20, 20), np.nan, np.float32))
+    assert np.isnan(panorama([blind], HERE, 0.5, 1.2).range_m).all()
+
+
+def test_more_than_three_views_change_nothing_where_the_three_suffice() -> None:
+    views = World([Prism(rectangle(3, 12, 9, 5))]).views(HERE, CAMERA)
+    five = panorama(list(views.values()), HERE, 0.5, 1.2)
+    three = panorama([views[h] for h in (-90, 0, 90)], HERE, 0.5, 1.2)
+    assert np.array_equal(five.range_m, three.range_m)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (7, 5)])
+def test_tiny_pictures_are_read_as_well(shape: tuple[int, int]) -> None:
+    depth = np.full(shape, 5.0, np.float32)
+    assert len(level_ranges_m(DepthView(0, depth), 0.5, 0.5)) == shape[1]
+    assert len(panorama([DepthView(h, depth) for h in (-90, 0, 90)], HERE, 0.5, 1.2).range_m) == BINS
