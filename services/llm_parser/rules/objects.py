@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 from services.llm_parser.rules import cues, sayings, scope
 from services.llm_parser.rules import lexicon as lex
+from services.llm_parser.rules.cues_before import before
+from services.llm_parser.rules.cues_behind import behind
 from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.phrases import Phrase
 from services.llm_parser.rules.tokens import Kind, Token
@@ -60,12 +62,15 @@ _NO_COMPOUND = (
     lex.FLOOR_NOUNS
     | lex.ANCHORS
     | lex.TIMES
-    | words("gate door lift elevator front back entry entrance security order apartment flat unit zip phone building")
+    | words(
+        "reception lobby gate door lift elevator front back entry entrance security order apartment flat unit zip "
+        "phone building"
+    )
 )
 
 
 def _stands_alone(tokens: list[Token], scored: ScoredPhrase, taken: Set[int]) -> bool:
-    """May a phrase be the mark for want of any better: said with an article and like a thing, or a clause of its own?"""
+    """May a phrase be the mark for want of a better: said with an article and like a thing, or a clause of its own?"""
     phrase = scored.phrase
     head = tokens[phrase.head]
     long = phrase.last - phrase.first > 1
@@ -77,6 +82,7 @@ def _stands_alone(tokens: list[Token], scored: ScoredPhrase, taken: Set[int]) ->
     return scored.score >= -0.25 and cues.is_clause(tokens, phrase, taken) and not named and len(head.norm) > 2
 
 
+_PETS = words("cat dog hamster parrot rabbit budgie cats dogs puppy kitten")
 _ALONE_TOO = words("bell heart sun keyboard robot wheel castle elephant pizza cake telephone phone face hand")
 
 
@@ -109,7 +115,7 @@ def _score(tokens: list[Token], things: list[Phrase], solid: list[bool], index: 
     if earlier and start == phrase.lead - 1 and tokens[start].norm == "is":
         start = earlier[-1].lead  # "my mark is a ...": the subject belongs to the context
     end = later[0].lead if later else len(tokens)
-    said = cues.before(tokens, phrase, start) + cues.behind(tokens, phrase, end)
+    said = before(tokens, phrase, start) + behind(tokens, phrase, end)
     score = cues.own_worth(tokens, phrase) + cues.alone(tokens, phrase, taken) + said
     owner, doubt = _owner(tokens, phrase, start), 0.0
     if owner is scope.Owner.NEIGHBOUR:
@@ -117,6 +123,8 @@ def _score(tokens: list[Token], things: list[Phrase], solid: list[bool], index: 
     elif owner is scope.Owner.SOMEONE:
         doubt = 7.0
     elif owner is scope.Owner.MINE:
+        if phrase.determiner in ("my", "our") and tokens[phrase.head].norm in _PETS and len(phrase.words) == 1:
+            score -= 3.0
         score += 0.5 if phrase.determiner not in ("my", "our") else 1.5 if said > 0.5 else 0.5
     if scope.negated(tokens, phrase.lead, start):
         score -= 10.0

@@ -77,6 +77,8 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.NEIGHBOUR
     if word in lex.PEOPLE and _is_figure(tokens, at):
         return None
+    if word in ("mr", "mrs", "ms", "miss", "dr") and before in ("is", "am"):
+        return Owner.UNSAID  # "this is Mrs Jones from the ..."
     if word in lex.PEOPLE and before == "the" and at > 1 and tokens[at - 2].norm == "for" and following in _MARKED:
         return Owner.UNSAID  # "it is for the person with the ..."
     if word in lex.PEOPLE or word in ("hers", "theirs") or (word == "door" and before == "next"):

@@ -114,7 +114,8 @@ _LONG_TARGETS = sorted(
 
 _PROTECTED = words(
     "bedside brolly file warning handling setting logging stored starting masked loading become slot slots abort held "
-    "vary alter mapped haven raising strides stride package gain signing walking severity forth outline locking sibling "
+    "vary alter mapped haven raising strides stride package gain signing walking severity forth outline locking "
+    "sibling "
     "hashing replay intend mocking verb staging wild strips rating losing nicely mike realty planned stacking hell "
     "boring wasting spit spill skill skills racing ranging flop bundling passage readily flavors stalling mins stormy "
     "insane outlive outsize stress cold outsider played market viable staying hacking sizing steven halting mounting "

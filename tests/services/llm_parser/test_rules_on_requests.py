@@ -1,5 +1,6 @@
 """The grammar on whole requests: the templates with many fillings, and sentences of our own."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,19 @@ def test_further_templates_in_other_words_are_read_as_well() -> None:
     assert found.overall.samples >= 200
     assert found.overall.floor_share >= 0.95
     assert found.overall.object_share >= 0.92
+
+
+@pytest.mark.parametrize("half", ["A", "B"])
+def test_templates_by_another_author_are_read_without_having_shaped_the_grammar(half: str, tmp_path: Path) -> None:
+    """The grammar was mended on half A; half B was looked at once, when it was done."""
+    lines = (DATA / "request_templates_blind.jsonl").read_text(encoding="utf-8").splitlines()
+    chosen = [line for line in lines if json.loads(line)["half"] == half]
+    file = tmp_path / "half.jsonl"
+    file.write_text("\n".join(chosen), encoding="utf-8")
+    found = evaluate(read_samples(file, seed=5, fills=3))
+    assert found.overall.samples >= 240
+    assert found.overall.floor_share >= 0.9
+    assert found.overall.object_share >= 0.8
 
 
 def test_sentences_of_our_own_are_read_as_well() -> None:
