@@ -22,6 +22,8 @@ from vld.records import Category, EpisodeRecord, Reason, Task
 from vld.scene_plan import Difficulty
 
 BOOTSTRAP_SEED = 20_250
+FEWEST_FOR_BOOTSTRAP = 10
+"""Resampling a handful of tasks shows nothing but that handful: below this only the mean is given."""
 _FLOOR_ORDER = [f"{low}-{high}" if high is not None else f"{low}+" for low, high in FLOOR_GROUPS]
 
 
@@ -83,7 +85,8 @@ class Summary(Wire):
 
 
 class Change(Wire):
-    """first - second with a 95 % interval and a two-sided p; null without tasks in common."""
+    """first - second with a 95 % interval and a two-sided p; all null without tasks in common, all but the mean for
+    fewer than `FEWEST_FOR_BOOTSTRAP`."""
 
     mean: float | None
     low: float | None
@@ -158,8 +161,8 @@ def compare(tasks: Mapping[str, Task], first: Sequence[EpisodeRecord], second: S
         only_second=test.only_second,
         neither=len(shared) - both - test.only_first - test.only_second,
         success_p=test.p,
-        success=Change(**paired_bootstrap(won[0], won[1], rng)._asdict()),
-        spl=Change(**paired_bootstrap(efficient[0], efficient[1], rng)._asdict()),
+        success=_change(won[0], won[1], rng),
+        spl=_change(efficient[0], efficient[1], rng),
     )
 
 
@@ -173,6 +176,13 @@ def spatial(task: Task, record: EpisodeRecord) -> Flown:
     """The same in space."""
     flown = record.result.path_m if record.result is not None else 0.0
     return Flown(record.success, task.shortest_spatial_m, flown)
+
+
+def _change(first: Sequence[float], second: Sequence[float], rng: np.random.Generator) -> Change:
+    found = paired_bootstrap(first, second, rng)
+    if len(first) < FEWEST_FOR_BOOTSTRAP:
+        return Change(mean=found.mean, low=None, high=None, p=None)
+    return Change(**found._asdict())
 
 
 def _groups(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> Groups:

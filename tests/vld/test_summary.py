@@ -61,19 +61,26 @@ def test_a_record_twice_or_of_another_set_is_refused() -> None:
 
 
 def test_two_runs_are_compared_on_the_tasks_that_both_flew() -> None:
-    tasks = {f"t-{i}": a_task(f"t-{i}") for i in range(10)}
+    tasks = {f"t-{i}": a_task(f"t-{i}") for i in range(16)}
     lost = a_result("object_not_found")
     first = [a_record(task, delivered()) for task in tasks.values()]
-    second = [a_record(task, delivered() if i < 2 else lost) for i, task in enumerate(tasks.values()) if i < 8]
+    second = [a_record(task, delivered() if i < 2 else lost) for i, task in enumerate(tasks.values()) if i < 12]
     found = compare(tasks, first, second)
-    assert (found.tasks, found.both, found.only_first, found.only_second, found.neither) == (8, 2, 6, 0, 0)
-    # six fair coins all on one side: 2 / 2^6
-    assert found.success_p == pytest.approx(2 / 64)
-    assert found.success.mean == pytest.approx(0.75)
+    assert (found.tasks, found.both, found.only_first, found.only_second, found.neither) == (12, 2, 10, 0, 0)
+    # ten fair coins all on one side: 2 / 2^10
+    assert found.success_p == pytest.approx(2 / 1024)
+    assert found.success.mean == pytest.approx(10 / 12)
     # each success has SPL 10/20
-    assert found.spl.mean == pytest.approx(0.375)
+    assert found.spl.mean == pytest.approx(5 / 12)
     assert found.spl.low is not None
     assert found.spl.low > 0.0
+
+
+def test_a_handful_of_tasks_gives_a_difference_but_no_interval() -> None:
+    found = compare(TASKS, RECORDS, RECORDS)
+    assert found.tasks == 3
+    assert found.spl.mean == 0.0
+    assert (found.spl.low, found.spl.high, found.spl.p) == (None, None, None)
 
 
 def test_runs_without_a_task_in_common_tell_nothing() -> None:

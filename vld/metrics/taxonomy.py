@@ -25,7 +25,7 @@ import math
 from collections.abc import Sequence
 
 from contracts.geometry import Pose
-from contracts.orchestrator import DeliveryResult
+from contracts.orchestrator import DeliveryResult, Phase
 from contracts.scene import Building, Scene, WindowPlace
 from contracts.scene_layout import floor_outline, wall_height_m, window_slot
 from vld.footprints import distance_to_outline
@@ -37,6 +37,7 @@ from vld.records import Reason, Task
 PLAIN_VIEW_M = 15.0
 PLAIN_VIEW_RAD = math.radians(60.0)
 LOST_M = 25.0
+SEARCHING: tuple[Phase, ...] = ("explore", "approach")
 VIEWS_REACH_RAD = math.radians(135.0)
 _BEFORE_THE_WALL_M = 0.3
 
@@ -110,7 +111,7 @@ def _reason_of_the_flight(task: Task, result: DeliveryResult) -> Reason:
         return "blocked" if result.verdict.right_window else "wrong_object"
     if result.outcome == "blocked":
         return "blocked"
-    stops = [stop.pose for stop in result.stops if stop.phase in ("explore", "approach")]
+    stops = [stop.pose for stop in result.stops if stop.phase in SEARCHING]
     if any(in_plain_view(task, pose) for pose in stops):
         return "missed_object"
     if stops and strayed(task.scene, stops[-1]):

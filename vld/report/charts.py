@@ -50,7 +50,7 @@ def whiskers(groups: Mapping[str, Sequence[tuple[int, str, Rate]]], titles: Mapp
     rows = sum(len(rates) for rates in groups.values())
     if not rows:
         return _empty()
-    left, right, pitch, gap = 118.0, 74.0, 17.0, 9.0
+    left, right, pitch, gap = 112.0, 104.0, 17.0, 9.0
     height = round(_TOP + rows * pitch + len(groups) * gap + 26)
     inner = WIDTH - left - right
 
@@ -70,7 +70,7 @@ def whiskers(groups: Mapping[str, Sequence[tuple[int, str, Rate]]], titles: Mapp
                 parts.append(
                     tag("circle", tag("title", told), cx=_r(x(rate.rate)), cy=_r(y), r=4.5, class_=f"dot r{run}")
                 )
-            parts.append(_label(WIDTH - right + 10, y + 4, f"{percent(rate.rate)}  {rate.k}/{rate.n}", "start"))
+            parts.append(_label(WIDTH - right + 10, y + 4, f"{percent(rate.rate)} ({rate.k}/{rate.n})", "start"))
             y += pitch
         y += gap
     return _svg(height, parts, "Success by group")
@@ -81,7 +81,7 @@ def bars(rows: Mapping[str, Sequence[tuple[int, str, int, int]]], titles: Mappin
     count = sum(len(values) for values in rows.values())
     if not count:
         return _empty()
-    left, right, pitch, gap = 118.0, 74.0, 15.0, 8.0
+    left, right, pitch, gap = 118.0, 96.0, 15.0, 8.0
     height = round(_TOP + count * pitch + len(rows) * gap + 4)
     inner = WIDTH - left - right
     longest = max((k / n for values in rows.values() for _, _, k, n in values if n), default=1.0) or 1.0

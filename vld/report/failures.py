@@ -11,7 +11,7 @@ from vld.metrics.floor_localization import height_error_m
 from vld.records import EpisodeRecord, Reason, Task
 from vld.report.markup import Html, counted, join, number, tag
 from vld.report.pictures import DEFAULT_BYTES, Album, Shown, edge_for, evidence
-from vld.report.plan import flight_of, height_profile, plan_view
+from vld.report.plan import flight_of, height_profile, plan_key, plan_view
 from vld.report.runs import Run
 from vld.scene_plan import Difficulty
 
@@ -68,7 +68,7 @@ def gallery(runs: Sequence[Run], failures: Sequence[Failure], limit_bytes: int =
         if album.left_out
         else ""
     )
-    return join((_filters(runs, failures), left_out, tag("div", *cards, class_="cards", id="cards")))
+    return join((plan_key(), _filters(runs, failures), left_out, tag("div", *cards, class_="cards", id="cards")))
 
 
 def _filters(runs: Sequence[Run], failures: Sequence[Failure]) -> Html:

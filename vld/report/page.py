@@ -260,7 +260,7 @@ def _compared(runs: Sequence[Run]) -> list[Html]:
     )
     told = (
         "Success: McNemar's exact test over the tasks that one run alone solved. Differences in percentage points "
-        "with the paired bootstrap's 95 % interval (10,000 resamples); no correction for several comparisons."
+        "with the paired bootstrap's 95 % interval (10,000 resamples, from ten tasks on); no correction for several comparisons."
     )
     return [
         tag("h2", "Runs compared", id="compared"),
@@ -269,6 +269,8 @@ def _compared(runs: Sequence[Run]) -> list[Html]:
 
 
 def _change(change: Change) -> str:
-    if change.mean is None or change.low is None or change.high is None:
+    if change.mean is None:
         return "n/a"
+    if change.low is None or change.high is None:
+        return f"{100 * change.mean:+.1f}"
     return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"

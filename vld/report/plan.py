@@ -9,6 +9,7 @@ from contracts.orchestrator import DeliveryResult, Event
 from contracts.scene import Building, WindowPlace
 from contracts.scene_layout import wall_height_m, window_slot
 from orchestrator.summary import track_of
+from vld.metrics.taxonomy import SEARCHING, in_plain_view
 from vld.records import Task
 from vld.report.markup import Html, join, tag
 
@@ -19,10 +20,11 @@ Xyz = tuple[float, float, float]
 
 
 class Flight(NamedTuple):
-    """What is drawn of a flight: the way (metres, ENU), and the stops with a question to a model."""
+    """What is drawn of a flight: the way (metres, ENU), and the stops with a question to a model, each with whether the
+    window was in plain view while the drone was searching."""
 
     track: tuple[Xyz, ...]
-    stops: tuple[Xyz, ...]
+    stops: tuple[tuple[Xyz, bool], ...]
     nose: float | None
 
 
@@ -31,10 +33,16 @@ def flight_of(task: Task, result: DeliveryResult | None, events: Sequence[Event]
     start = task.scene.start.position
     if result is None:
         return Flight((), (), None)
-    stops = tuple(_place(stop.pose) for stop in result.stops)
+    stops = tuple(
+        (_place(stop.pose), stop.phase in SEARCHING and in_plain_view(task, stop.pose)) for stop in result.stops
+    )
     track = tuple((float(p["x"]), float(p["y"]), float(p["z"])) for p in track_of(events))
     if not track and (stops or result.pose is not None):
-        track = ((start.x, start.y, start.z), *stops, *((_place(result.pose),) if result.pose is not None else ()))
+        track = (
+            (start.x, start.y, start.z),
+            *(place for place, _ in stops),
+            *((_place(result.pose),) if result.pose is not None else ()),
+        )
     return Flight(track, stops, result.pose.yaw if result.pose is not None else None)
 
 
@@ -63,9 +71,12 @@ def plan_view(task: Task, flight: Flight, *, good: bool) -> Html:
     way = [at(x, y) for x, y, _ in flight.track]
     if len(way) > 1:
         parts.append(tag("polyline", points=_points(way), class_="track", stroke_width=_r(1.1 * unit)))
-    for stop in flight.stops:
-        x, y = at(stop[0], stop[1])
-        parts.append(tag("circle", cx=_r(x), cy=_r(y), r=_r(1.1 * unit), class_="stop"))
+    for (east, north, _), seen in flight.stops:
+        x, y = at(east, north)
+        kind = "stop seen" if seen else "stop"
+        told = tag("title", "the window was in plain view") if seen else ""
+        radius, edge = (1.7, _r(0.4 * unit)) if seen else (1.1, None)
+        parts.append(tag("circle", told, cx=_r(x), cy=_r(y), r=_r(radius * unit), class_=kind, stroke_width=edge))
     x, y = at(task.scene.start.position.x, task.scene.start.position.y)
     parts.append(tag("circle", tag("title", "start"), cx=_r(x), cy=_r(y), r=_r(1.9 * unit), class_="start"))
     if way:
@@ -81,6 +92,22 @@ def plan_view(task: Task, flight: Flight, *, good: bool) -> Html:
     )
 
 
+def plan_key() -> Html:
+    """What the marks of a plan mean."""
+    marks = (
+        ("start", tag("circle", cx=8, cy=7, r=5, class_="start")),
+        ("stop with a question to a model", tag("circle", cx=8, cy=7, r=4, class_="stop")),
+        ("stop with the window in plain view", tag("circle", cx=8, cy=7, r=5, class_="stop seen")),
+        ("end, and where the nose points", tag("polygon", points="15,7 3,13 6,7 3,1", class_="end bad")),
+        ("the customer's window, and its side", tag("polygon", points="6,0 10,0 14,14 2,14", class_="target")),
+    )
+    return tag(
+        "p",
+        *(tag("span", tag("svg", mark, viewBox="0 0 16 14", aria_hidden="true"), words) for words, mark in marks),
+        class_="plankey",
+    )
+
+
 def height_profile(task: Task, flight: Flight, width: int = 300, height: int = 74) -> Html:
     """Height over the way flown; the band is the target's floor, the line its window."""
     if len(flight.track) < 2:
@@ -89,7 +116,7 @@ def height_profile(task: Task, flight: Flight, width: int = 300, height: int = 7
     for a, b in zip(flight.track[:-1], flight.track[1:], strict=True):
         gone.append(gone[-1] + math.dist(a, b))
     top = max(wall_height_m(task.scene.building(task.scene.target)), *(z for _, _, z in flight.track)) * 1.05
-    left = 26.0
+    left = 31.0
     length = max(gone[-1], 1.0)
 
     def at(s: float, z: float) -> Xy:

@@ -8,7 +8,7 @@ from vld.report.markup import Html, interval, join, number, p_value, percent, ta
 from vld.report.runs import Run
 from vld.summary import Comparison, Rate, compare
 
-SCORE_HEADS = ("SR (%) ↑", "SPL (%) ↑", "Average Steps ↓")
+SCORE_HEADS = ("SR (%) ↑", "SPL (%) ↑", "Average Steps ↓")
 
 
 class Row(NamedTuple):
@@ -83,8 +83,22 @@ def _plain(runs: Sequence[Run]) -> list[Run]:
 
 
 def _is_plain(run: Run) -> bool:
+    return not _changed(run)
+
+
+def _others_plain(run: Run, option: str) -> bool:
+    return not _changed(run) - {option}
+
+
+def _changed(run: Run) -> set[str]:
+    """The ablations that a run flies, by the command line's names."""
     arm = run.arm
-    return (arm.viewpoint.policy, arm.choice, arm.floors) == ("paper", "model", "stepwise")
+    usual = {
+        "viewpoint": arm.viewpoint.policy == "paper",
+        "choice": arm.choice == "model",
+        "floors": arm.floors == "stepwise",
+    }
+    return {option for option, as_usual in usual.items() if not as_usual}
 
 
 def _ablation(
@@ -97,19 +111,14 @@ def _ablation(
         own = [run for run in runs if run.model == model]
         baseline = next(iter(_plain(own)), None)
         for name, value in arms:
-            # only this one setting differs from the paper's method
-            fitting = [run for run in own if setting(run) == value and (_is_plain(run) or _differs_once(run))]
+            # only this one setting may differ from the paper's method
+            fitting = [run for run in own if setting(run) == value and _others_plain(run, option)]
             shown = f"{name} · {model}" if len(models) > 1 else name
             hint = f"logisticsvln bench --backend {own[0].settings.backend} --{option} {value}"
             if not fitting:
                 rows.append(Row(shown, None, None, hint))
             rows += [Row(shown, run, baseline if run is not baseline else None, hint) for run in fitting]
     return rows
-
-
-def _differs_once(run: Run) -> bool:
-    arm = run.arm
-    return [arm.viewpoint.policy != "paper", arm.choice != "model", arm.floors != "stepwise"].count(True) == 1
 
 
 def _pair(title: str, what: str, theirs: Html, ours: Html) -> Html:
@@ -168,13 +177,13 @@ def _test(row: Row) -> Comparison | None:
 
 def _paper_floors() -> Html:
     return _table(
-        ("ID", "VLM", "FL method", "FL fail rate (%) ↓"),
+        ("ID", "VLM", "FL method", "FL fail rate (%) ↓"),
         [[text(r.id), text(r.model), text(r.method), _n(r.fail_pct, 1)] for r in paper.FLOORS],
     )
 
 
 def _our_floors(runs: Sequence[Run]) -> Html:
-    fitting = [run for run in runs if run.arm.viewpoint.policy == "paper" and run.arm.choice == "model"]
+    fitting = [run for run in runs if _others_plain(run, "floors")]
     if not fitting:
         return _none("no run with the paper's viewpoint and choice is part of this report")
     methods = {"stepwise": "Ours", "direct-count": "Direct Count"}
@@ -187,18 +196,18 @@ def _our_floors(runs: Sequence[Run]) -> Html:
         ]
         for at, run in enumerate(fitting)
     ]
-    return _table(("ID", "Model", "FL method", "FL fail rate (%) ↓"), cells)
+    return _table(("ID", "Model", "FL method", "FL fail rate (%) ↓"), cells)
 
 
 def _paper_recognition() -> Html:
-    return _table(("VLM", "OR fail rate (%) ↓"), [[text(r.model), _n(r.fail_pct, 1)] for r in paper.RECOGNITION])
+    return _table(("VLM", "OR fail rate (%) ↓"), [[text(r.model), _n(r.fail_pct, 1)] for r in paper.RECOGNITION])
 
 
 def _our_recognition(runs: Sequence[Run]) -> Html:
     if not runs:
         return _none("no run with the paper's policy is part of this report")
     return _table(
-        ("Model", "OR fail rate (%) ↓"),
+        ("Model", "OR fail rate (%) ↓"),
         [[text(run.model), _rate(run.summary.recognition_fail)] for run in runs],
     )
 
