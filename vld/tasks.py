@@ -7,6 +7,7 @@ import hashlib
 import io
 from collections.abc import Sequence
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,9 +57,9 @@ def load(name: str) -> TaskSet:
         raise BadTasks(f"{path}: {error.strerror}") from None
 
 
-def shipped(name: str) -> TaskSet:
-    """A set of the package. Raises BadTasks where its data is not what was shipped."""
-    folder = files("vld").joinpath("data")
+def shipped(name: str, folder: Traversable | None = None) -> TaskSet:
+    """A set of the package, or of another `folder`. Raises BadTasks where its data is not what was shipped."""
+    folder = folder or files("vld").joinpath("data")
     try:
         data = folder.joinpath(f"{name}.jsonl.zst").read_bytes()
         promised = folder.joinpath(f"{name}.sha256").read_text(encoding="ascii").split()[0]

@@ -24,6 +24,8 @@ from vld.bench.worker import Job, Pictures
 from vld.generate import CannotGenerate
 from vld.records import RunSettings, Task
 from vld.sim_client import SimulatorFault
+from vld.subtasks.command import ask_alone
+from vld.subtasks.figures import Subtask
 from vld.summary import Summary
 from vld.tasks import BadTasks, TaskSet, load
 from vld.tasks_cli import generated
@@ -67,6 +69,7 @@ def bench(
     ] = None,
     recording: Annotated[Path | None, typer.Option(help="The file in which answers are kept, for --cache.")] = None,
     episode_s: Annotated[float, typer.Option(min=1, max=86_400, help="An episode takes no longer.")] = 900.0,
+    subtask: Annotated[Subtask | None, typer.Option(help="Fly nothing; ask one model role alone.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly a task set and print the figures. A run that was interrupted or killed goes on with the same command."""
@@ -115,6 +118,10 @@ def bench(
     except KeyboardInterrupt:
         _stop("interrupted before the first flight", INTERRUPTED)
     mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
+    if subtask is not None:
+        gateway = _gateway(mode, recording, settings.oracle)
+        ask_alone(subtask, _first(chosen, settings.count), settings, gateway, console, out, as_json=as_json)
+        return
     place = out or Path("runs") / f"bench-{time.strftime('%Y%m%d-%H%M%S')}"
     try:
         folder = RunFolder(place, settings, _first(chosen, settings.count))

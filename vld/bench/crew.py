@@ -6,11 +6,12 @@ import os
 import signal
 import sys
 from pathlib import Path
+from typing import Protocol
 
 from pydantic import ValidationError
 
 from orchestrator.record import now
-from vld.bench.worker import LINE_LIMIT, Job, Ready
+from vld.bench.worker import LINE_LIMIT, Job, Order, Ready
 from vld.records import EpisodeRecord, Task
 
 STOP_S = 30.0
@@ -22,6 +23,16 @@ class WorkerBroke(Exception):
 
 class WorkerCantStart(Exception):
     """The worker could not start its services: no task would fare better."""
+
+
+class Member(Protocol):
+    """What a run needs of a worker. `start` raises WorkerCantStart, `fly` raises WorkerBroke."""
+
+    async def start(self) -> None: ...
+
+    async def fly(self, order: Order) -> EpisodeRecord: ...
+
+    async def stop(self) -> None: ...
 
 
 class Hand:
@@ -54,9 +65,10 @@ class Hand:
             await self.stop()
             raise WorkerCantStart(ready.problem)
 
-    async def fly(self, task: Task) -> EpisodeRecord:
+    async def fly(self, order: Order) -> EpisodeRecord:
         """Raises WorkerBroke."""
-        answer = await self._ask(task.model_dump_json())
+        task = order.task
+        answer = await self._ask(order.model_dump_json())
         try:
             record = EpisodeRecord.model_validate_json(answer)
         except ValidationError as error:

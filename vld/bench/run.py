@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from orchestrator.record import now, write_whole
-from vld.bench.crew import Hand, WorkerBroke, WorkerCantStart, broken_episode
+from vld.bench.crew import Hand, Member, WorkerBroke, WorkerCantStart, broken_episode
 from vld.bench.folder import RunFolder
 from vld.bench.table import write_parquet
-from vld.bench.worker import Job
+from vld.bench.worker import Job, Order
 from vld.records import EpisodeRecord, Task
 from vld.summary import Summary, summarize
 
@@ -41,7 +41,16 @@ class CannotRun(Exception):
 class Run:
     """Flies what is pending in a folder. Cancelling `fly` ends the workers; what was flown stays."""
 
-    def __init__(self, folder: RunFolder, job: Job, workers: int, listener: Listener | None = None) -> None:
+    def __init__(
+        self,
+        folder: RunFolder,
+        job: Job,
+        workers: int,
+        listener: Listener | None = None,
+        hire: Callable[[Job, Path], Member] = Hand,
+    ) -> None:
+        """`hire` makes a worker from its job and the file for its log."""
+        self._hire = hire
         self._folder = folder
         self._job = job
         self._workers = workers
@@ -80,33 +89,34 @@ class Run:
 
     async def _work(self, number: int) -> None:
         logs = Path(self._folder.path) / "logs" / f"worker-{number}"
-        job = self._job.model_copy(update={"logs": str(logs)})
-        hand = Hand(job, logs / "worker.log")
+        hand = self._hire(self._job.model_copy(update={"logs": str(logs)}), logs / "worker.log")
         try:
             await self._start(hand)
-            while self._pending:
-                task = self._pending.popleft()
+            task = self._next()
+            while task is not None:
+                upcoming = self._next()
                 started, began = now(), time.perf_counter()
                 try:
-                    record = await hand.fly(task)
-                    self._broken = 0
+                    record = await hand.fly(Order(task=task, upcoming=upcoming))
                 except WorkerBroke as error:
-                    record = broken_episode(task, started, time.perf_counter() - began, str(error))
-                    self._add(record)
+                    self._add(broken_episode(task, started, time.perf_counter() - began, str(error)))
                     await hand.stop()
                     self._broken += 1
                     if self._broken >= MAX_BROKEN_IN_A_ROW:
-                        raise CannotRun(
-                            f"{self._broken} workers broke one after the other; the last: {error}"
-                        ) from None
+                        raise CannotRun(f"{self._broken} workers broke in a row; the last: {error}") from None
                     await self._start(hand)
                 else:
+                    self._broken = 0
                     self._add(record)
+                task = upcoming
         finally:
             # not to be left half done by a second Ctrl-C: services would stay behind
             await asyncio.shield(hand.stop())
 
-    async def _start(self, hand: Hand) -> None:
+    def _next(self) -> Task | None:
+        return self._pending.popleft() if self._pending else None
+
+    async def _start(self, hand: Member) -> None:
         try:
             await hand.start()
         except WorkerCantStart as error:

@@ -1,7 +1,7 @@
 """One worker of a run: a process with services of its own that flies one task after the other.
 
-`python -m vld.bench.worker` reads lines from standard input: first one Job, then one Task each. It answers on standard
-output: one Ready, then one EpisodeRecord a task. When its input ends, so does it, and its services with it.
+`python -m vld.bench.worker` reads lines from standard input: first one Job, then one Order each. It answers on standard
+output: one Ready, then one EpisodeRecord an order. When its input ends, so does it, and its services with it.
 """
 
 import asyncio
@@ -13,7 +13,7 @@ import time
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from pydantic import Field, ValidationError
 
@@ -23,7 +23,7 @@ from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, M
 from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
 from orchestrator.clients import Services
 from orchestrator.mission import Mission
-from orchestrator.ports import Ports, World
+from orchestrator.ports import PortError, Ports, World
 from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Processes, free_ports, own_environment
 from orchestrator.record import Log, Record, now
 from vld.metrics.taxonomy import reason_of
@@ -31,6 +31,8 @@ from vld.records import EpisodeRecord, Task
 
 LINE_LIMIT = 64 * 1024 * 1024
 END_S = 20.0
+IDLE_S = "86400"
+"""An episode that was opened ahead waits for its turn, however long the one before it takes."""
 
 Pictures = Literal["none", "failures", "all"]
 
@@ -47,6 +49,13 @@ class Job(Wire):
     gateway: dict[str, str] = {}
     pictures: Pictures = "none"
     episode_s: float = Field(default=900.0, gt=0.0)
+
+
+class Order(Wire):
+    """Fly `task`; `upcoming` is most likely the next one, whose scene is built meanwhile."""
+
+    task: Task
+    upcoming: Task | None = None
 
 
 class Ready(Wire):
@@ -69,15 +78,34 @@ class Unwritten:
         """Forgets it."""
 
 
-class ClockedWorld:
-    """The world, with the time that its renderer took added up."""
+class Ahead(NamedTuple):
+    """An episode that is being opened before its turn."""
 
-    def __init__(self, world: World) -> None:
+    question: EpisodeQuestion
+    opening: asyncio.Task[Episode]
+
+
+class ClockedWorld:
+    """The world, with the time that its renderer took added up. Once the drone is placed, it opens the upcoming
+    episode as well: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
+
+    def __init__(self, world: World, ready: Ahead | None, upcoming: EpisodeQuestion | None) -> None:
         self._world = world
+        self._ready = ready
+        self._upcoming = upcoming
+        self.ahead: Ahead | None = None
         self.render_s = 0.0
 
     async def start(self, question: EpisodeQuestion) -> Episode:
-        return await self._world.start(question)
+        episode: Episode | None = None
+        if self._ready is not None and self._ready.question == question:
+            with contextlib.suppress(PortError):  # then it is tried again in its turn
+                episode = await self._ready.opening
+        if episode is None:
+            episode = await self._world.start(question)
+        if self._upcoming is not None:
+            self.ahead = Ahead(self._upcoming, asyncio.create_task(self._world.start(self._upcoming)))
+        return episode
 
     async def observe(
         self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
@@ -104,6 +132,7 @@ class Worker:
         self._group: Processes | None = None
         self._services: Services | None = None
         self._starts = 0
+        self._ahead: Ahead | None = None
 
     async def start(self) -> None:
         """Fresh services on free ports. Raises CannotStart."""
@@ -118,7 +147,7 @@ class Worker:
             ports,
             Path(job.logs) / str(self._starts),
             environment=environment,
-            extra={"sim": sim | job.sim, "vlm_gateway": gateway | job.gateway},
+            extra={"sim": {"SIM_IDLE_S": IDLE_S} | sim | job.sim, "vlm_gateway": gateway | job.gateway},
         )
         # remembered before it is ready, so that whatever interrupts the start stops it
         self._group = group
@@ -129,13 +158,18 @@ class Worker:
     async def stop(self) -> None:
         services, group = self._services, self._group
         self._services = self._group = None
+        if self._ahead is not None:
+            self._ahead.opening.cancel()
+            await asyncio.wait({self._ahead.opening})
+            self._ahead = None
         if services is not None:
             await services.close()
         if group is not None:
             await asyncio.to_thread(group.stop)
 
-    async def fly(self, task: Task, gone: asyncio.Event) -> EpisodeRecord | None:
+    async def fly(self, order: Order, gone: asyncio.Event) -> EpisodeRecord | None:
         """The task's record, whatever happened; null when `gone` was set meanwhile."""
+        task = order.task
         started, began = now(), time.perf_counter()
         result: DeliveryResult | None = None
         error: str | None = None
@@ -146,12 +180,15 @@ class Worker:
                 await self.start()
             assert self._services is not None
             ports = self._services.ports()
-            world = ClockedWorld(ports.world)
+            upcoming = self._question(order.upcoming) if order.upcoming is not None else None
+            world = ClockedWorld(ports.world, self._ahead, upcoming)
+            self._ahead = None
             own = Ports(parser=ports.parser, vision=ports.vision, depth=ports.depth, world=world)
             try:
                 result = await self._flown(task, own, folder, gone)
             finally:
                 render_s = world.render_s
+                self._ahead = world.ahead
             if gone.is_set():
                 return None
             if result is None:
@@ -186,9 +223,8 @@ class Worker:
         settings = self._settings(task)
         record = self._record(task, settings, folder) if folder is not None else None
         log: Log = record or Unwritten()
-        question = EpisodeQuestion(scene=task.scene, flight=settings.flight)
         try:
-            flight = asyncio.create_task(Mission(ports, settings, log).fly(task.request, question))
+            flight = asyncio.create_task(Mission(ports, settings, log).fly(task.request, self._question(task)))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
                 {flight, leaving}, timeout=self._job.episode_s, return_when=asyncio.FIRST_COMPLETED
@@ -206,6 +242,9 @@ class Worker:
         finally:
             if record is not None:
                 record.close()
+
+    def _question(self, task: Task) -> EpisodeQuestion:
+        return EpisodeQuestion(scene=task.scene, flight=self._job.mission.flight)
 
     def _settings(self, task: Task) -> MissionSettings:
         """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""
@@ -271,7 +310,7 @@ async def serve() -> int:
             return 1
         _answer(Ready())
         while line := await lines.get():
-            record = await worker.fly(Task.model_validate_json(line), gone)
+            record = await worker.fly(Order.model_validate_json(line), gone)
             if record is None:
                 break
             _answer(record)

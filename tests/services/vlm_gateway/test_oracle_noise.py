@@ -59,7 +59,8 @@ def test_a_miscount_is_off_by_one_and_its_rows_go_along() -> None:
     right = Count(3, (0.2, 0.5, 0.8))
     counts = [Faults(OracleNoise(floor_miscount_rate=1.0), truth(n), "floors").miscounted(right) for n in range(50)]
     assert {c.floors for c in counts} == {2, 4}
-    assert all(len(c.rows) == c.floors and list(c.rows) == sorted(c.rows) for c in counts)
+    assert [len(c.rows) for c in counts] == [c.floors for c in counts]
+    assert all(list(c.rows) == sorted(c.rows) for c in counts)
     assert Faults(OracleNoise(floor_miscount_rate=1.0), truth(), "floors").miscounted(Count(0, ())) == Count(1, (0.5,))
 
 
