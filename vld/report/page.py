@@ -260,7 +260,8 @@ def _compared(runs: Sequence[Run]) -> list[Html]:
     )
     told = (
         "Success: McNemar's exact test over the tasks that one run alone solved. Differences in percentage points "
-        "with the paired bootstrap's 95 % interval (10,000 resamples, from ten tasks on); no correction for several comparisons."
+        "with the paired bootstrap's 95 % interval (10,000 resamples, from ten tasks on); no correction for several "
+        "comparisons."
     )
     return [
         tag("h2", "Runs compared", id="compared"),

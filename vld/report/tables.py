@@ -50,7 +50,7 @@ def five_tables(runs: Sequence[Run]) -> Html:
                     "VS strategy",
                     _ablation(
                         runs,
-                        (("Ours", "paper"), ("Random", "random"), ("Default", "default")),
+                        (("Ours", "paper"), ("Random", "random"), ("Default", "default"), ("Contour", "contour")),
                         lambda run: run.arm.viewpoint.policy,
                         "viewpoint",
                     ),
@@ -115,7 +115,8 @@ def _ablation(
             fitting = [run for run in own if setting(run) == value and _others_plain(run, option)]
             shown = f"{name} · {model}" if len(models) > 1 else name
             hint = f"logisticsvln bench --backend {own[0].settings.backend} --{option} {value}"
-            if not fitting:
+            # the contour explorer is no arm of the paper's: it shows where it was flown
+            if not fitting and value != "contour":
                 rows.append(Row(shown, None, None, hint))
             rows += [Row(shown, run, baseline if run is not baseline else None, hint) for run in fitting]
     return rows

@@ -1,21 +1,59 @@
 """`logisticsvln bench --subtask …`: services of its own, one role asked, its figures printed."""
 
 import asyncio
+import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NoReturn
 
+import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from orchestrator.clients import Services
-from orchestrator.processes import FLIGHT_SERVICES, Processes, free_ports, own_environment
-from vld.records import Task
-from vld.sim_client import SimClient
+from orchestrator.ports import PortError
+from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Processes, free_ports, own_environment
+from orchestrator.record import write_whole
+from vld.records import RunSettings, Task
+from vld.sim_client import SimClient, SimulatorFault
 from vld.subtasks.figures import Subtask, SubtaskScores
 from vld.subtasks.run import Examiner, Plan
 from vld.summary import Rate
+
+FAILED, INTERRUPTED = 1, 130
+
+
+def ask_alone(
+    subtask: Subtask,
+    tasks: Sequence[Task],
+    settings: RunSettings,
+    gateway: Mapping[str, str],
+    console: Console,
+    out: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    """The command: asks, prints the figures (or one JSON object), and with `out` writes it to `OUT/SUBTASK.json`."""
+    mission = settings.mission
+    plan = Plan(settings.backend, mission.parser_model, size=mission.image_size, settings=mission)
+    try:
+        scores = examine(subtask, tasks, plan, console, gateway=gateway)
+        told = json.dumps(scores.model_dump(mode="json"), ensure_ascii=False)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            write_whole(out / f"{subtask}.json", told + "\n")
+    except (CannotStart, SimulatorFault, PortError) as error:
+        _stop(str(error), FAILED)
+    except OSError as error:
+        _stop(f"{out} can't be written: {error.strerror}", FAILED)
+    except KeyboardInterrupt:
+        _stop("interrupted before the last question: nothing is told of a part", INTERRUPTED)
+    if as_json:
+        typer.echo(told)
+    else:
+        print_scores(Console(), scores)
 
 
 def examine(
@@ -102,3 +140,8 @@ def _bar(console: Console) -> Progress:
         transient=True,
         disable=not console.is_terminal,
     )
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
+    raise typer.Exit(code)
