@@ -47,10 +47,15 @@ _NOUNS_TOO = words("toy antique glass miniature plush square gold silver light m
 _SOLID_IN_SPITE = words("ornament instrument monument carnation harness")
 
 
+_FAREWELLS = words("regards sincerely faithfully wishes yours cheers love")
+
+
 def _addressed(tokens: list[Token], phrase: Phrase) -> bool:
     """ "Dear flying toaster, ...", "... you glorious machine." """
     said = tokens[phrase.lead].norm if phrase.determiner == "-" else ""
     called = said == "dear" or (phrase.lead > 0 and tokens[phrase.lead - 1].norm in ("dear", "you", "hello", "fellow"))
+    if phrase.lead > 1 and tokens[phrase.lead - 1].norm == "," and tokens[phrase.lead - 2].norm in _FAREWELLS:
+        return True
     ends = phrase.last >= len(tokens) or tokens[phrase.last].kind in _BREAKS
     return called and ends and phrase.determiner in ("", "-")
 

@@ -53,6 +53,10 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
         score += 2.0
     if first in ("is", "are") and second in ("the", "my", "our", "a", "your") and ahead[2:3] and ahead[2] in _LANDMARKS:
         score += 3.5
+    if first == "you" and second in ("are", "want", "need", "will") and near & {"after", "want", "need", "looking"}:
+        score += 3.5
+    if first in ("should", "must", "shall") and set(ahead[1:4]) & _MOVED:
+        score -= 4.0
     if set(ahead[:2]) & _AMOUNTS:
         score -= 3.0
     if "instead" in ahead[:2]:
@@ -64,6 +68,7 @@ def behind(tokens: list[Token], phrase: Phrase, limit: int) -> float:
     return score
 
 
+_MOVED = words("come go delivered brought left handed sent arrive")
 _AMOUNTS = words("qty quantity pcs units")
 _LANDMARKS = words("landmark mark marker sign signal beacon clue guide hint")
 _WANTED = words("find see look spot want need keep kept put placed hung")

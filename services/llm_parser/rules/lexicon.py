@@ -117,7 +117,8 @@ EVALUATIVE = words(
     "cute awful horrible hideous gorgeous stupid wonderful magnificent glorious splendid charming dear good great "
     "fine infamous legendary darn bloody damn blasted so-called aforementioned same very actual proud humble "
     "unmistakable obvious usual only said special own other second first right correct real little-known "
-    "conspicuous distinctive noticeable eye-catching handsome delightful wretched cursed majestic mighty iconic "
+    "conspicuous distinctive noticeable eye-catching handsome delightful perfect wretched cursed majestic mighty "
+    "iconic "
     "adorable"
 )
 """Opinions in front of an object; they are no part of what a camera can see."""
@@ -137,7 +138,8 @@ ADVERBS = words(
     "recently permanently temporarily definitely certainly probably possibly simply directly immediately gently "
     "safely mainly particularly especially roughly approximately partly mostly i.e e.g etc vs lest mate darling "
     "love buddy pal friend sir madam dude bro captain sweetheart honey hun kiddo hurrah hooray cool awesome super "
-    "anyhow hereby herewith dest soo ha aha ooh phew whoops oops oopsie ugh yikes hm welp innit k u ur r ya yea yeh "
+    "woohoo prior yippee anyhow hereby herewith dest soo ha aha ooh phew whoops oops oopsie ugh yikes hm welp innit k "
+    "u ur r ya yea yeh "
     "ye thru"
 )
 NUMBERISH = words("number numbers no. nr num #")

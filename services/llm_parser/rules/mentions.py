@@ -191,6 +191,9 @@ class _Finder:
             return 2.5
         if third == "floor" and second in ("is", "says"):
             return 2.0
+        ahead = [t.norm for t in self._tokens[at + 1 : at + 6] if t.norm not in (",", "'s", "is")]
+        if ahead[:2] == ["that", "the"] and ahead[2:3] and ahead[2] in lex.FLOOR_NOUNS:
+            return 4.0
         if before in ("now", "currently", "formerly"):
             return 1.5
         return self._corrected_number(at) or (0.3 if self._is_clause(at) else 0.0)

@@ -103,6 +103,8 @@ def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
         return True
     if head in lex.MEASURE_NOUNS and phrase.last > phrase.head + 1:
         return True
+    if head in ("marker", "mark"):
+        return False
     compound = head in lex.SOFT_NOUNS and phrase.head > phrase.first
     return compound and (head == "box" or tokens[phrase.first].norm not in _NO_COMPOUND)
 

@@ -171,7 +171,9 @@ def denied_after(text: str) -> bool:
     own = _ANOTHER_MATTER.split(text)[0] if " not my " not in text else text
     if "|" in own:
         first, second = own.split("|", 1)
-        goes_on = second.startswith((" that is", " no ", " it is not", " not", " stay away"))
+        goes_on = not second.startswith(" not the one with") and second.startswith(
+            (" that is", " no ", " it is not", " not", " stay away")
+        )
         own = first + (second.split("|")[0] if goes_on else "")
     if _OLD_ONE.match(text) is not None:
         return True

@@ -68,6 +68,7 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
     """What the word at `at` says about the owner of what is mentioned at `mention`."""
     word = tokens[at].norm
     before = tokens[at - 1].norm if at else ""
+    earlier = tokens[at - 2].norm if at > 1 else ""
     following = tokens[at + 1].norm if at + 1 < len(tokens) else ""
     if word in lex.MY:
         return Owner.UNSAID if word == "me" and before in ("tell", "tells", "told", "ask", "asked") else Owner.MINE
@@ -77,6 +78,8 @@ def _owner_word(tokens: list[Token], at: int, mention: int) -> Owner | None:
         return Owner.NEIGHBOUR
     if word in lex.PEOPLE and _is_figure(tokens, at):
         return None
+    if word in lex.PEOPLE and (before in ("are", "am") or {before, earlier} in ({"a", "are"}, {"a", "am"})):
+        return Owner.MINE  # "we are a family with ..."
     if word in ("mr", "mrs", "ms", "miss", "dr") and before in ("is", "am"):
         return Owner.UNSAID  # "this is Mrs Jones from the ..."
     if word in lex.PEOPLE and before == "the" and at > 1 and tokens[at - 2].norm == "for" and following in _MARKED:

@@ -80,6 +80,7 @@ _SHORT = {
     "flloor": "floor",
     "wndow": "window",
     "windo": "window",
+    "int": "in",
     "sil": "sill",
     "nxet": "next",
     "nex": "next",

@@ -61,7 +61,7 @@ _SCAN = re.compile(
     re.VERBOSE,
 )
 
-MOST_TOKENS = 1000
+MOST_TOKENS = 1200
 """The longest request in plain English has fewer; what comes behind is not read, so that the work stays bounded."""
 
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "“": '"', "”": '"', "`": "'", "´": "'", "‑": "-", "\u00a0": " "})
@@ -179,6 +179,8 @@ def _untangle(tokens: list[Token]) -> list[Token]:
         elif token.norm == "its" and following is not None and _after_it_is(following):
             it, be = replace(token, norm="it"), replace(token, norm="is")
             out += [it, be]
+        elif token.norm == "were" and _opens(out) and following is not None and following.norm in _AFTER_WE_ARE:
+            out += [replace(token, norm="we"), replace(token, norm="are")]
         elif token.norm == "their" and following is not None and following.norm in ("is", "are", "'s"):
             out.append(replace(token, norm="there"))
         elif token.norm in _SPOKEN_SIGNS:
@@ -193,6 +195,14 @@ def _untangle(tokens: list[Token]) -> list[Token]:
         else:
             out.append(token)
     return out
+
+
+_AFTER_WE_ARE = words("on at in up the now still moving waiting back")
+
+
+def _opens(out: list[Token]) -> bool:
+    """Does a clause begin behind `out`?"""
+    return not out or not out[-1].is_word
 
 
 def _after_it_is(token: Token) -> bool:

@@ -24,6 +24,26 @@ PHRASES = {
     "a zorbulon": "zorbulon",
     "two red chairs": "two red chairs",
     "the map of the world": "map of the world",
+    "a bedside clock": "bedside clock",
+    "a brolly": "brolly",
+    "a cuddly bear": "cuddly bear",
+    "a donut": "donut",
+    "an easy chair": "easy chair",
+    "an open umbrella": "open umbrella",
+    "a travel case": "travel case",
+    "a red fuel can": "red fuel can",
+    "the gas can": "gas can",
+    "a poster with a heart": "poster with a heart",
+    "a snow man": "snow man",
+    "a five-pointed star": "five-pointed star",
+    "the three-legged stool": "three-legged stool",
+    "a two-handled vase": "two-handled vase",
+    "a stop sign": "stop sign",
+    "a no parking sign": "no parking sign",
+    "a portrait of a lady": "portrait of a lady",
+    "a polka-dot tablecloth": "polka-dot tablecloth",
+    "a red and white parasol": "red and white parasol",
+    "a butterfly ornament": "butterfly ornament",
 }
 
 
@@ -78,6 +98,11 @@ def test_of_several_things_the_customers_mark_is_chosen(request_: str, name: str
         "Not the red kite!",
         "My neighbour has a red kite.",
         "Hello, good morning and thank you very much!",
+        "My dog barks a lot. Second floor.",
+        "I have a headache and I'm on the 4th floor.",
+        "Floor 5. It's an emergency.",
+        "Leave it at the reception desk.",
+        "Floor 12, thank you so much, you're a lifesaver.",
     ],
 )
 def test_where_no_mark_is_named_none_is_made_up(request_: str) -> None:
@@ -96,3 +121,8 @@ def test_the_evidence_is_the_requests_own_spelling() -> None:
 )
 def test_long_monotonous_requests_are_answered_like_any_other(piece: str) -> None:
     assert parse((piece * 4000)[:4000]).outcome == "answered"
+
+
+@pytest.mark.parametrize("request_", ["floor 4, boombox", "gramophone, floor 4", "Floor twelve and a gramophone."])
+def test_a_thing_that_stands_alone_is_taken_for_the_mark(request_: str) -> None:
+    assert parse(request_).object in ("boombox", "gramophone")

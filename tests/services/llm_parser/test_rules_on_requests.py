@@ -29,8 +29,8 @@ def test_further_templates_in_other_words_are_read_as_well() -> None:
 
 
 @pytest.mark.parametrize("half", ["A", "B"])
-def test_templates_by_another_author_are_read_without_having_shaped_the_grammar(half: str, tmp_path: Path) -> None:
-    """The grammar was mended on half A; half B was looked at once, when it was done."""
+def test_templates_by_another_author_are_read_as_well(half: str, tmp_path: Path) -> None:
+    """Half A mended the grammar. Half B was first read when that was done: floor 93.9 %, object 91.1 % of six fills."""
     lines = (DATA / "request_templates_blind.jsonl").read_text(encoding="utf-8").splitlines()
     chosen = [line for line in lines if json.loads(line)["half"] == half]
     file = tmp_path / "half.jsonl"
