@@ -205,7 +205,7 @@ class ExploreDrawing(Wire):
 
 class ExploreAnswer(Wire):
     """`move`: fly level to `stop`, `distance_m` away at `bearing_deg` (from the nose, positive to the right), and turn
-    to `yaw`; `turn`: stay and turn to `yaw`; `done`: all of the facade that can be seen was inspected. `gain_m` is how
+    to `yaw`; `turn`: stay and turn to `yaw`; `done`: nothing is left that can be reached and seen. `gain_m` is how
     much facade the place `way_m` ahead will show. `inspected_share`: of the facade known or expected so far. `map`
     goes into the next question."""
 

@@ -12,7 +12,7 @@ from navigation.explorer import facade, frontier, path
 from navigation.explorer.facade import Seed
 from navigation.explorer.goal import Decision, Goal, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
-from navigation.explorer.scan import Scan, panorama
+from navigation.explorer.scan import Scan, panorama, thinned
 from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -66,6 +66,7 @@ def explore(
 
     Raises NoFacade where the first call has no wall in front of it.
     """
+    views = [thinned(view) for view in views]
     scan = panorama(views, pose, settings.band_m, settings.body_band_m)
     walls = facade.read_walls(scan, settings)
     if memory is None:
@@ -129,7 +130,9 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
             grid.attempts[target] = 0
             memory = memory._replace(relaxed=memory.relaxed + 1)
         else:
-            stay = Decision("done", "all facade that can be seen was inspected", (pose.x, pose.y), 0.0, 0.0, pose.yaw)
+            over = bool((facade.seen_cells(grid, target) == target).all()) and not grid.expected.any()
+            why = "all of the facade was inspected" if over else "what is left of the facade can't be reached or seen"
+            stay = Decision("done", why, (pose.x, pose.y), 0.0, 0.0, pose.yaw)
             return stay, memory._replace(stop=None)
     around = wrap_radians(pose.yaw + math.pi / 2)
     stay = Decision("turn", "nothing found so far can be reached", (pose.x, pose.y), 0.0, 0.0, around)

@@ -31,7 +31,7 @@ class Goal(NamedTuple):
 
 class Decision(NamedTuple):
     """`move`: fly level to `place`, `distance_m` away at `bearing_deg` (right of the nose), and turn to `yaw`;
-    `turn`: only turn to `yaw`; `done`: all of the facade that can be seen has been. `gain_m`: facade that the place
+    `turn`: only turn to `yaw`; `done`: nothing is left that can be reached and seen. `gain_m`: facade that the place
     the drone is on its way to shows; `way_m`: how far that is, along `way`."""
 
     status: Status

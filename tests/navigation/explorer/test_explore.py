@@ -1,0 +1,118 @@
+"""The explorer's steps in ray-cast worlds, its memory as bytes, and its end."""
+
+import math
+
+import numpy as np
+import pytest
+
+from navigation.camera import DepthView, Pose, pinhole
+from navigation.explorer import blob
+from navigation.explorer.explore import NoFacade, explore
+from navigation.explorer.settings import Settings
+from tests.load.explorer_study import Flight, contour, figures, fly, paper
+from tests.navigation.explorer_worlds import make_task
+from tests.navigation.raycast_world import Prism, World, rectangle
+
+HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
+HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
+CAMERA = pinhole(160, 24)
+
+
+def _views(pose: Pose = HERE, world: World = HOUSE) -> tuple[DepthView, ...]:
+    return tuple(world.views(pose, CAMERA).values())
+
+
+def _search(name: str, **options: object) -> Flight:
+    shape, around, seed = name.split("-")
+    return fly(
+        make_task(shape, around, int(seed), bool(options.pop("balconies", False))), contour(Settings()), **options
+    )
+
+
+@pytest.mark.parametrize("name", ["rectangle-ring-1", "l-street-2", "u-none-3", "plus-ring-1", "octagon-street-2"])
+def test_the_window_is_found_and_nothing_is_touched(name: str) -> None:
+    flight = _search(name)
+    assert flight.found
+    assert not flight.collided
+    assert flight.steps <= 20
+
+
+def test_balconies_do_not_keep_it_from_finding_the_window() -> None:
+    flight = _search("t-street-4", balconies=True)
+    assert flight.found
+    assert not flight.collided
+
+
+def test_without_the_window_the_search_ends_with_nearly_all_of_the_facade_inspected() -> None:
+    flight = _search("rectangle-street-2", absent=True)
+    assert flight.over
+    assert not flight.found
+    assert flight.covered > 0.97
+
+
+def test_where_neighbours_stand_it_finds_more_than_the_papers_rule() -> None:
+    tasks = [make_task("plus", "ring", seed) for seed in (10, 11)]
+    ours = figures([fly(task, contour(Settings())) for task in tasks])
+    theirs = figures([fly(task, paper()) for task in tasks])
+    assert not ours["failed"]
+    assert theirs["failed"]
+
+
+def test_the_memory_is_the_same_after_being_bytes() -> None:
+    memory = explore(None, _views(), HERE, Settings()).memory
+    again = blob.from_bytes(blob.to_bytes(memory))
+    assert again._replace(map=memory.map) == memory
+    assert all(np.array_equal(a, b) for a, b in zip(again.map, memory.map, strict=True))
+    moved = Pose(*memory.stop, HERE.z, 2.0)
+    one, other = (explore(m, _views(moved), moved, Settings()).decision for m in (memory, again))
+    assert one == other
+
+
+def test_a_step_leaves_the_memory_it_was_given_as_it_was() -> None:
+    memory = explore(None, _views(), HERE, Settings()).memory
+    before = blob.to_bytes(memory)
+    moved = HERE._replace(x=4.0)
+    explore(memory, _views(moved), moved, Settings())
+    assert blob.to_bytes(memory) == before
+
+
+@pytest.mark.parametrize(
+    ("at", "byte", "said"),
+    [(0, 88, "no explorer's map"), (4, 9, "version 9"), (6, 7, "cells of"), (12, 7, "header"), (100, 3, "cell")],
+)
+def test_bytes_that_no_step_left_behind_are_refused(at: int, byte: int, said: str) -> None:
+    data = bytearray(blob.to_bytes(explore(None, _views(), HERE, Settings()).memory))
+    data[at] = byte
+    with pytest.raises(blob.BadMemory, match=said):
+        blob.from_bytes(bytes(data))
+    with pytest.raises(blob.BadMemory, match="bytes, not"):
+        blob.from_bytes(bytes(data[:-1]))
+
+
+def test_without_a_wall_ahead_there_is_no_search() -> None:
+    with pytest.raises(NoFacade, match="no wall"):
+        explore(None, _views(world=World([])), HERE, Settings())
+
+
+def test_a_drone_that_was_pushed_elsewhere_goes_on_from_where_it_is() -> None:
+    memory = explore(None, _views(), HERE, Settings()).memory
+    pushed = Pose(-15.0, 14.0, 8.0, 0.0)
+    step = explore(memory, _views(pushed), pushed, Settings())
+    assert step.decision.status == "move"
+    assert math.dist(step.decision.place, (pushed.x, pushed.y)) == pytest.approx(step.decision.distance_m, abs=1e-6)
+    assert not step.memory.map.attempts[step.target].any()
+
+
+def test_without_room_for_the_body_it_does_not_fly() -> None:
+    beside = [Prism(rectangle(x, 0.0, 0.5, 20.0)) for x in (-1.3, 1.3)]
+    tight = World([*HOUSE.prisms, *beside])
+    decision = explore(None, _views(HERE, tight), HERE, Settings()).decision
+    assert decision.status == "done"
+    assert "can't be reached" in decision.reason
+
+
+def test_views_that_are_all_invalid_do_not_break_a_search_under_way() -> None:
+    memory = explore(None, _views(), HERE, Settings()).memory
+    blind = tuple(DepthView(h, np.full((24, 160), np.nan, np.float32)) for h in (-90, 0, 90))
+    step = explore(memory, blind, HERE, Settings())
+    assert step.decision.status in ("move", "turn", "done")
