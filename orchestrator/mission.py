@@ -17,6 +17,7 @@ from orchestrator.phases.explore import Exploration, Found
 from orchestrator.phases.floors import go_to_floor
 from orchestrator.ports import ModelUnreachable, PortError, Ports, ServiceRefused, ServiceUnreachable
 from orchestrator.record import Log
+from orchestrator.sighting import Dismissed
 from orchestrator.sortie import Look, MissionEnd, Sortie, spoken
 
 log = logging.getLogger("orchestrator.mission")
@@ -107,7 +108,7 @@ class Mission:
                 return
             last, leaving = end, found.look if end.blocked else None
             if not end.blocked:
-                exploration.dismissed.append(end.place)
+                exploration.dismissed.append(Dismissed(end.place, found.look.pose))
         if last is not None and last.blocked:
             raise _blocked(last)
         raise MissionEnd("object_not_found", f"{MAX_APPROACHES} sightings did not stand up to a nearer look")

@@ -7,13 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.geometry import Box, Point3
+from contracts.geometry import Pose as WirePose
 from contracts.vlm_gateway import Match
 from navigation.camera import Pose, direction, pinhole, pixel_place
-from orchestrator.sortie import Look, Sight
+from orchestrator.sortie import Look, Sight, distance_m
 
 MAX_SIGHTING_M = 25.0
 SAME_FLOOR = 0.75
 FACADE_SAMPLES = 24
+SAME_PLACE_M = 1.5
+OTHER_SIDE_DEG = 30.0
 
 
 class Extent(NamedTuple):
@@ -32,6 +35,20 @@ class Sighting(NamedTuple):
     distance_m: float | None
     extent: Extent | None
     rejected: str | None
+
+
+class Dismissed(NamedTuple):
+    """A sighting that did not stand up to a nearer look, and where it was made from."""
+
+    place: Point3
+    seen_from: WirePose
+
+    def holds(self, place: Point3, pose: WirePose) -> bool:
+        """Is that the same thing seen from the same side? From another side it may look like what was asked for."""
+        before = math.atan2(self.seen_from.y - self.place.y, self.seen_from.x - self.place.x)
+        now = math.atan2(pose.y - self.place.y, pose.x - self.place.x)
+        turned = abs(math.remainder(now - before, math.tau))
+        return distance_m(place, self.place) < SAME_PLACE_M and turned < math.radians(OTHER_SIDE_DEG)
 
 
 def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float) -> Sighting:

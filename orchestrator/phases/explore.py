@@ -12,7 +12,7 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import Point3
+from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import (
     ChooseDirectionQuestion,
@@ -24,10 +24,10 @@ from contracts.vlm_gateway import (
 from orchestrator.asking import Answered
 from orchestrator.marks import mark_box, mark_points
 from orchestrator.phases.contour import ContourSearch
-from orchestrator.sighting import Sighting, facade_returns, locate
+from orchestrator.sighting import SAME_PLACE_M, Dismissed, Sighting, facade_returns, locate
 from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m, towards
 
-SAME_PLACE_M = 1.5
+TRIES = 2
 
 
 class Found(NamedTuple):
@@ -51,7 +51,7 @@ class Exploration:
     """The search round the building; an approach may interrupt it, and it can be taken up again."""
 
     sortie: Sortie
-    dismissed: list[Point3] = field(default_factory=list)
+    dismissed: list[Dismissed] = field(default_factory=list)
     contour: ContourSearch | None = None
     _d_max_m: float | None = None
     _silent: int = 0
@@ -134,9 +134,13 @@ class Exploration:
             floor_height_m=sortie.floor_height_m or 3.0,
         )
         place = sighting.place
-        if sighting.rejected is None and place and any(distance_m(place, d) < SAME_PLACE_M for d in self.dismissed):
+        if sighting.rejected is None and place and self._is_dismissed(place, look.pose):
             return sighting._replace(rejected="looked at from near before")
         return sighting
+
+    def _is_dismissed(self, place: Point3, pose: Pose) -> bool:
+        tries = sum(distance_m(place, d.place) < SAME_PLACE_M for d in self.dismissed)
+        return tries >= TRIES or any(d.holds(place, pose) for d in self.dismissed)
 
     async def _go_on(self, look: Look) -> None:
         """Viewpoint (eq. 4-6), safe distances (eq. 7), the chosen point, and the flight; or the explorer's stop."""

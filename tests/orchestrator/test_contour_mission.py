@@ -3,7 +3,7 @@
 from contracts.depth_assist import ViewpointSettings
 from contracts.orchestrator import DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
-from contracts.vlm_gateway import FindObjectAnswer
+from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion
 from orchestrator.mission import Mission
 from tests.orchestrator.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
 from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
@@ -48,3 +48,26 @@ async def test_a_search_that_has_seen_it_all_ends_with_the_share_of_the_facade_i
     assert last["inspected_share"] > 0.98
     assert f"{100 * last['inspected_share']:.0f} % of the facade" in result.message
     assert result.exploration_steps < 30
+
+
+async def test_what_did_not_stand_up_seen_slantwise_is_tried_again_from_another_side() -> None:
+    log = Events()
+    world = BlockWorld(BEHIND)
+    vision = OnceShy(world)
+    result = await fly(world, log, vision)
+    assert log.of("lost")
+    assert result.outcome == "delivered"
+
+
+class OnceShy(BlockVision):
+    """Does not see the thing again after having seen it for the first time."""
+
+    def __init__(self, world: BlockWorld) -> None:
+        super().__init__(world)
+        self._sightings = 0
+
+    async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
+        answer = await super().find_object(question)
+        self._sightings += answer.found
+        shy = answer.found and self._sightings == 2
+        return FindObjectAnswer(role="recognition", found=False, matches=(), **WHO) if shy else answer
