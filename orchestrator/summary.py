@@ -1,7 +1,7 @@
 """One picture of a delivery for people, drawn from its record alone."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ TRACK: Colour = (28, 98, 196)
 GOOD: Colour = (24, 128, 72)
 BAD: Colour = (186, 44, 36)
 WALL: Colour = (148, 140, 128)
+WAITING: Colour = (232, 156, 44)
 FONT = cv2.FONT_HERSHEY_DUPLEX
 
 
@@ -147,6 +148,7 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
 
     for wall in near:
         cv2.circle(canvas, at(wall), 3, WALL, -1, cv2.LINE_AA)
+    _inspected(canvas, events, at, scale)
     cv2.polylines(canvas, [np.array([at(p) for p in track], np.int32)], False, TRACK, 3, cv2.LINE_AA)
     for event in events:
         if event.kind == "look" and event.phase == "explore":
@@ -159,6 +161,25 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
     ten = round(10 * scale)
     cv2.line(canvas, (width - 30 - ten, height - 22), (width - 30, height - 22), SOFT, 2)
     _write(canvas, "10 m", (width - 30 - ten, height - 32), 0.5, SOFT)
+
+
+def _inspected(
+    canvas: Canvas, events: Sequence[Event], at: Callable[[Sequence[float]], tuple[int, int]], scale: float
+) -> None:
+    """The contour explorer's last map: facade inspected, not yet inspected, and expected out of sight."""
+    last = next((e.data["explore"]["drawing"] for e in reversed(events) if e.kind == "contour"), None)
+    if last is None:
+        return
+    half = max(2, round(last["cell_m"] * scale / 2))
+    for part, colour in (("expected", LINE), ("uninspected", WAITING), ("inspected", GOOD)):
+        for point in last[part]:
+            x, y = at(point)
+            cv2.rectangle(canvas, (x - half, y - half), (x + half, y + half), colour, -1)
+    for (x, text), colour in zip(
+        ((320, "inspected"), (470, "not yet"), (590, "expected")), (GOOD, WAITING, LINE), strict=True
+    ):
+        cv2.rectangle(canvas, (x, 22), (x + 14, 36), colour, -1)
+        _write(canvas, text, (x + 20, 35), 0.5, SOFT)
 
 
 def track_of(events: Sequence[Event]) -> list[dict[str, Any]]:

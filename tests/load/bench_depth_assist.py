@@ -20,7 +20,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.depth_assist import ApproachQuestion, SafeDistancesQuestion, ViewDepth, ViewpointQuestion
+from contracts.depth_assist import (
+    ApproachQuestion,
+    ExploreQuestion,
+    SafeDistancesQuestion,
+    ViewDepth,
+    ViewpointQuestion,
+)
 from contracts.geometry import VIEW_HEADINGS_DEG, Box, Pose
 from contracts.images import encode_depth
 
@@ -72,6 +78,9 @@ def questions(size: int, noise_m: float) -> dict[str, bytes]:
         "safe-distances": SafeDistancesQuestion(view=front, others=sides).model_dump_json().encode(),
         "safe-distances, one view": SafeDistancesQuestion(view=front).model_dump_json().encode(),
         "approach": ApproachQuestion(view=views[90], others=(views[45],), box=seen, pose=pose)
+        .model_dump_json()
+        .encode(),
+        "explore": ExploreQuestion(views=tuple(views.values()), pose=pose, building_box=None)
         .model_dump_json()
         .encode(),
     }
