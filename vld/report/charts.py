@@ -60,10 +60,10 @@ def whiskers(groups: Mapping[str, Sequence[tuple[int, str, Rate]]], titles: Mapp
     parts = [_x_axis(x, _TOP - 4, height - 24, height - 8)]
     y = _TOP + pitch / 2
     for name, rates in groups.items():
-        parts.append(_label(left - 10, y + (len(rates) - 1) * pitch / 2 + 4, titles.get(name, name), "end", "ink"))
+        parts.append(_label(left - 10, y + (len(rates) - 1) * pitch / 2 + 4, _title(name, titles), "end", "ink"))
         for run, label, rate in rates:
             if rate.rate is not None and rate.low is not None and rate.high is not None:
-                told = f"{titles.get(name, name)}, {label}: {percent(rate.rate)} % ({rate.k}/{rate.n})"
+                told = f"{_title(name, titles)}, {label}: {percent(rate.rate)} % ({rate.k}/{rate.n})"
                 parts.append(
                     tag("line", x1=_r(x(rate.low)), x2=_r(x(rate.high)), y1=_r(y), y2=_r(y), class_=f"whisker r{run}")
                 )
@@ -88,10 +88,10 @@ def bars(rows: Mapping[str, Sequence[tuple[int, str, int, int]]], titles: Mappin
     parts: list[Html] = []
     y = _TOP
     for name, values in rows.items():
-        parts.append(_label(left - 10, y + len(values) * pitch / 2 + 4, titles.get(name, name), "end", "ink"))
+        parts.append(_label(left - 10, y + len(values) * pitch / 2 + 4, _title(name, titles), "end", "ink"))
         for run, label, k, n in values:
             share = k / n if n else 0.0
-            told = f"{titles.get(name, name)}, {label}: {k} of {n}"
+            told = f"{_title(name, titles)}, {label}: {k} of {n}"
             parts.append(
                 tag(
                     "rect",
@@ -109,6 +109,10 @@ def bars(rows: Mapping[str, Sequence[tuple[int, str, int, int]]], titles: Mappin
             y += pitch
         y += gap
     return _svg(height, parts, "Outcomes")
+
+
+def _title(name: str, titles: Mapping[str, str]) -> str:
+    return titles.get(name, name.replace("_", " ").strip())
 
 
 def _y_axis(left: float, right: float, y: Callable[[float], float]) -> Html:

@@ -61,14 +61,37 @@ def gallery(runs: Sequence[Run], failures: Sequence[Failure], limit_bytes: int =
     """The filters and the cards."""
     if not failures:
         return tag("p", "No episode failed.", class_="soft")
-    album = Album(edge_for(sum(len(failure.shown) for failure in failures)), limit_bytes)
+    album = Album(edge_for(sum(len(failure.shown) for failure in failures), limit_bytes), limit_bytes)
     cards = [_card(runs, failure, album) for failure in failures]
     left_out = (
         tag("p", f"{counted(album.left_out, 'picture')} left out to keep this page below its size.", class_="soft")
         if album.left_out
         else ""
     )
-    return join((plan_key(), _filters(runs, failures), left_out, tag("div", *cards, class_="cards", id="cards")))
+    return join(
+        (
+            plan_key(),
+            _kept(runs, failures),
+            _filters(runs, failures),
+            left_out,
+            tag("div", *cards, class_="cards", id="cards"),
+        )
+    )
+
+
+def _kept(runs: Sequence[Run], failures: Sequence[Failure]) -> Html:
+    """Which runs have no pictures to show, and how to get some."""
+    without = [
+        run.label for k, run in enumerate(runs) if not any(f.folder for f in failures if f.run == k) and _failed(run)
+    ]
+    if not without:
+        return Html("")
+    told = f"Without pictures and with straight tracks from stop to stop: {'; '.join(without)}. "
+    return tag("p", told, tag("code", "logisticsvln bench --pictures failures"), " keeps them.", class_="soft")
+
+
+def _failed(run: Run) -> bool:
+    return any(not record.success for record in run.records)
 
 
 def _filters(runs: Sequence[Run], failures: Sequence[Failure]) -> Html:

@@ -2,18 +2,18 @@
 
 from collections.abc import Callable, Sequence
 from importlib.resources import files
-from itertools import combinations
 from typing import get_args
 
 from contracts.scene import BuildingKind
 from vld.records import Reason
 from vld.report import charts
 from vld.report.failures import REASONS, failures_of, gallery
-from vld.report.markup import Html, counted, interval, join, number, p_value, percent, tag
+from vld.report.markup import Html, counted, interval, join, number, percent, tag
 from vld.report.pictures import DEFAULT_BYTES
 from vld.report.runs import Run
-from vld.report.tables import against, five_tables
-from vld.summary import Change, Groups, Rate
+from vld.report.sections import compared, each_role_alone, models
+from vld.report.tables import five_tables
+from vld.summary import Groups, Rate
 
 TITLES = {kind: kind.replace("_", "-") for kind in get_args(BuildingKind)}
 KINDS_OF_DIFFERENCE = (
@@ -41,8 +41,9 @@ def build_page(runs: Sequence[Run], limit_bytes: int = DEFAULT_BYTES) -> str:
             _legend(runs),
             _figures(runs),
             tag("h2", "Models", id="models"),
-            _models(runs),
-            *_compared(runs),
+            models(runs),
+            *each_role_alone(runs),
+            *compared(runs),
             tag("h2", "Failures", tag("small", f" {len(failures)}"), id="failures"),
             gallery(runs, failures, limit_bytes),
         )
@@ -69,7 +70,9 @@ def _told(runs: Sequence[Run]) -> str:
 
 
 def _nav(runs: Sequence[Run]) -> Html:
-    names = ["tables", "figures", "models", *(["compared"] if len(runs) > 1 else []), "failures"]
+    alone = ["alone"] if any(run.alone for run in runs) else []
+    pairs = ["compared"] if len(runs) > 1 else []
+    names = ["tables", "figures", "models", *alone, *pairs, "failures"]
     return tag("nav", *(tag("a", name, href=f"#{name}") for name in names))
 
 
@@ -163,115 +166,3 @@ def _grouped(runs: Sequence[Run], pick: Callable[[Groups], dict[str, Rate]]) -> 
 
 def _chart(title: str, chart: Html) -> Html:
     return tag("section", tag("h3", title), chart, class_="card")
-
-
-def _models(runs: Sequence[Run]) -> Html:
-    heads = (
-        "Run",
-        "Role",
-        "Calls",
-        "From cache",
-        "Unreadable",
-        "Refused",
-        "Unreachable",
-        "Tokens in",
-        "Tokens out",
-        "p50 (s)",
-        "p95 (s)",
-        "p99 (s)",
-    )
-    rows = []
-    for k, run in enumerate(runs):
-        for role, calls in run.summary.model_calls.items():
-            waits = calls.latency_s
-            figures = (
-                calls.calls,
-                calls.cache_hits,
-                calls.unreadable,
-                calls.refused,
-                calls.unreachable,
-                calls.prompt_tokens,
-                calls.completion_tokens,
-                number(waits.p50, 3),
-                number(waits.p95, 3),
-                number(waits.p99, 3),
-            )
-            rows.append(
-                tag(
-                    "tr",
-                    tag("td", tag("i", class_=f"key r{k}"), run.label),
-                    tag("td", role),
-                    *(tag("td", figure) for figure in figures),
-                )
-            )
-    if not rows:
-        return tag("p", "No model was asked.", class_="soft")
-    table = tag(
-        "table",
-        tag("thead", tag("tr", *(tag("th", head) for head in heads))),
-        tag("tbody", *rows),
-        class_="booktabs figures",
-    )
-    return tag(
-        "section",
-        tag("div", table, class_="scroll"),
-        tag("p", "Percentiles are of the calls that no cache answered.", class_="soft"),
-        class_="card",
-    )
-
-
-def _compared(runs: Sequence[Run]) -> list[Html]:
-    """Every pair of runs on the tasks that both flew."""
-    if len(runs) < 2:
-        return []
-    heads = (
-        "First",
-        "Second",
-        "Tasks",
-        "Both",
-        "Only first",
-        "Only second",
-        "Neither",
-        "Success, first − second",
-        "p",
-        "SPL, first − second",
-        "p",
-    )
-    rows = []
-    for (j, a), (k, b) in combinations(enumerate(runs), 2):
-        found = against(a, b)
-        rows.append(
-            tag(
-                "tr",
-                tag("td", tag("i", class_=f"key r{j}"), a.label),
-                tag("td", tag("i", class_=f"key r{k}"), b.label),
-                *(tag("td", n) for n in (found.tasks, found.both, found.only_first, found.only_second, found.neither)),
-                tag("td", _change(found.success)),
-                tag("td", p_value(found.success_p) if found.tasks else "n/a"),
-                tag("td", _change(found.spl)),
-                tag("td", p_value(found.spl.p)),
-            )
-        )
-    table = tag(
-        "table",
-        tag("thead", tag("tr", *(tag("th", head) for head in heads))),
-        tag("tbody", *rows),
-        class_="booktabs figures",
-    )
-    told = (
-        "Success: McNemar's exact test over the tasks that one run alone solved. Differences in percentage points "
-        "with the paired bootstrap's 95 % interval (10,000 resamples, from ten tasks on); no correction for several "
-        "comparisons."
-    )
-    return [
-        tag("h2", "Runs compared", id="compared"),
-        tag("section", tag("div", table, class_="scroll"), tag("p", told, class_="soft"), class_="card"),
-    ]
-
-
-def _change(change: Change) -> str:
-    if change.mean is None:
-        return "n/a"
-    if change.low is None or change.high is None:
-        return f"{100 * change.mean:+.1f}"
-    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"

@@ -1,9 +1,10 @@
 """Which pictures of a failure tell most, small enough to carry them all in one page."""
 
 import base64
+import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +17,9 @@ from vld.metrics.taxonomy import in_plain_view
 from vld.records import Reason, Task
 
 JPEG_QUALITY = 74
-EDGES_PX = ((250, 400), (700, 300), (None, 220))
-"""Up to so many pictures in the whole page, they are so many pixels wide."""
+WIDEST_PX, NARROWEST_PX = 400, 160
+_BYTES_AT_WIDEST, _GROWTH = 22_000, 1.7
+"""What a street's picture takes in the page at its widest, and how that grows with the width: measured."""
 DEFAULT_BYTES = 24_000_000
 _VIEW = re.compile(r"\d{4}_view([+-]\d+)?\.jpg")
 
@@ -43,7 +45,7 @@ class Album:
     edge_px: int
     limit_bytes: int = DEFAULT_BYTES
     used_bytes: int = 0
-    left_out: int = field(default=0)
+    left_out: int = 0
 
     def picture(self, path: Path, caption: str) -> Picture | None:
         """Null where the file is gone, is no picture, or the page is full."""
@@ -52,7 +54,9 @@ class Album:
             return None
         height, width = image.shape[:2]
         scale = min(1.0, self.edge_px / max(height, width))
-        small = cv2.resize(image, (max(1, round(width * scale)), max(1, round(height * scale))), interpolation=3)
+        small = cv2.resize(
+            image, (max(1, round(width * scale)), max(1, round(height * scale))), interpolation=cv2.INTER_AREA
+        )
         done, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         coded = base64.b64encode(jpeg.tobytes()).decode("ascii") if done else ""
         if not coded or self.used_bytes + len(coded) > self.limit_bytes:
@@ -62,9 +66,10 @@ class Album:
         return Picture(f"data:image/jpeg;base64,{coded}", caption)
 
 
-def edge_for(pictures: int) -> int:
-    """How wide each picture may be, by how many there are."""
-    return next(edge for most, edge in EDGES_PX if most is None or pictures <= most)
+def edge_for(pictures: int, limit_bytes: int = DEFAULT_BYTES) -> int:
+    """How wide each of so many pictures may be, so that all of them find room."""
+    share = limit_bytes / max(1, pictures) / _BYTES_AT_WIDEST
+    return max(NARROWEST_PX, min(WIDEST_PX, round(WIDEST_PX * math.pow(share, 1 / _GROWTH))))
 
 
 def evidence(task: Task, reason: Reason, events: Sequence[Event]) -> list[Shown]:

@@ -2,16 +2,20 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, get_args
+
+from pydantic import ValidationError
 
 from contracts.orchestrator import MissionSettings
 from vld.bench.folder import BadFolder, read_records, read_settings, read_tasks, read_wall_s
 from vld.records import EpisodeRecord, RunSettings, Task
+from vld.subtasks.figures import Subtask, SubtaskScores
 from vld.summary import Summary, summarize
 
 
 class Run(NamedTuple):
-    """One run. `label` says in a few words how its arm differs; `tasks` are those it flew or was to fly."""
+    """One run. `label` says in a few words how its arm differs; `tasks` are those it flew or was to fly;
+    `alone` are the figures of single roles that `bench --subtask --out` left in its folder."""
 
     label: str
     folder: Path
@@ -19,6 +23,7 @@ class Run(NamedTuple):
     tasks: Mapping[str, Task]
     records: Sequence[EpisodeRecord]
     summary: Summary
+    alone: Sequence[SubtaskScores] = ()
 
     @property
     def model(self) -> str:
@@ -39,7 +44,7 @@ def load_run(folder: Path) -> Run:
         summary = summarize(tasks, records, read_wall_s(folder))
     except ValueError as error:
         raise BadFolder(f"{folder}: {error}") from None
-    return Run(label_of(settings), folder, settings, tasks, records, summary)
+    return Run(label_of(settings), folder, settings, tasks, records, summary, _alone(folder))
 
 
 def load_runs(folders: Sequence[Path]) -> list[Run]:
@@ -73,3 +78,15 @@ def label_of(settings: RunSettings) -> str:
     if mission.band_reading != usual.band_reading:
         words.append("h_i as camera height")
     return ", ".join(words)
+
+
+def _alone(folder: Path) -> list[SubtaskScores]:
+    found = []
+    for name in get_args(Subtask):
+        try:
+            found.append(SubtaskScores.model_validate_json((folder / f"{name}.json").read_bytes()))
+        except FileNotFoundError:
+            continue
+        except (OSError, ValidationError):
+            raise BadFolder(f"{folder / name}.json is not the figures of a subtask") from None
+    return found

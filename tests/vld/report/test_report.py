@@ -15,13 +15,16 @@ from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from orchestrator.record import Record
 from tests.vld.evaluation_kit import a_record, a_result, a_task, a_verdict, delivered, stops
-from vld.bench.folder import RunFolder
+from vld.bench.folder import BadFolder, RunFolder
+from vld.metrics.model_calls import RoleCalls
 from vld.records import EpisodeRecord, RunSettings, Task
 from vld.report.command import report
 from vld.report.markup import Html, join, tag
 from vld.report.page import build_page
 from vld.report.pictures import Album, edge_for
 from vld.report.runs import label_of, load_runs
+from vld.subtasks import parse
+from vld.subtasks.figures import SubtaskScores
 from vld.tasks import lines_of, read
 
 TASKS = [a_task(f"t-{i}", request=f"Floor <3> & the green pot, no. {i}") for i in range(4)]
@@ -169,7 +172,8 @@ def test_an_album_scales_down_and_counts_what_it_leaves_out(tmp_path: Path) -> N
     assert album.left_out == 1
     assert album.used_bytes <= 60_000
     assert album.picture(tmp_path / "gone.jpg", "gone") is None
-    assert [edge_for(n) for n in (1, 300, 5000)] == [400, 300, 220]
+    assert [edge_for(n) for n in (0, 300, 10**6)] == [400, 400, 160]
+    assert 160 < edge_for(2000) < 400
 
 
 def test_a_run_without_results_still_has_a_page(tmp_path: Path) -> None:
@@ -182,6 +186,30 @@ def test_a_folder_outside_the_run_is_never_read(tmp_path: Path, two_runs: list[P
     outside = a_record(TASKS[1], a_result("blocked"), folder="../first/episodes/t-2")
     page = build_page(load_runs([a_run(tmp_path / "third", [outside])]))
     assert "data:image/jpeg" not in page
+
+
+def test_the_figures_of_single_roles_are_shown_where_a_run_has_them(two_runs: list[Path]) -> None:
+    assert "Each role alone" not in build_page(load_runs(two_runs))
+    figures = parse.score([parse.Parsed("plain", 3, "vase", 3, "vase"), parse.Parsed("plain", 3, "vase", 4, "vase")])
+    scores = SubtaskScores(
+        subtask="parse",
+        backend="embedded",
+        model="rules",
+        tasks=2,
+        questions=2,
+        skipped=0,
+        model_calls=RoleCalls(),
+        wall_s=1.0,
+        **figures._asdict(),
+    )
+    (two_runs[0] / "parse.json").write_text(scores.model_dump_json())
+    page = build_page(load_runs(two_runs))
+    parsed(page)
+    assert "Each role alone" in page
+    assert "50.0 (1/2)" in page
+    (two_runs[0] / "parse.json").write_text("{}")
+    with pytest.raises(BadFolder, match=r"parse\.json"):
+        load_runs(two_runs)
 
 
 def test_runs_with_equal_arms_are_told_apart_by_their_folders(tmp_path: Path) -> None:
