@@ -1,10 +1,17 @@
 """Missions that search by the contour explorer, in the block world."""
 
+from pathlib import Path
+
+import cv2
+import numpy as np
+
 from contracts.depth_assist import ViewpointSettings
-from contracts.orchestrator import DeliveryResult, MissionSettings
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion
+from orchestrator.delivery import Order, Run
 from orchestrator.mission import Mission
+from orchestrator.summary import GOOD
 from tests.orchestrator.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
 from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
 
@@ -48,6 +55,16 @@ async def test_a_search_that_has_seen_it_all_ends_with_the_share_of_the_facade_i
     assert last["inspected_share"] > 0.98
     assert f"{100 * last['inspected_share']:.0f} % of the facade" in result.message
     assert result.exploration_steps < 30
+
+
+async def test_the_summary_shows_the_facade_that_was_inspected(tmp_path: Path) -> None:
+    settings = MissionSettings(viewpoint=CONTOUR)
+    question = DeliveryQuestion(request=REQUEST, scene=block_scene(BEHIND), settings=settings)
+    run = Run(Order(question), tmp_path)
+    await run.fly(block_ports(BlockWorld(BEHIND)))
+    picture = cv2.imread(str(run.record.folder / "summary.png"))
+    green = (picture == np.array(GOOD[::-1])).all(axis=2)
+    assert green[:, :880].sum() > 1500  # the plan's half; the facts beside it are written in the same green
 
 
 async def test_what_did_not_stand_up_seen_slantwise_is_tried_again_from_another_side() -> None:
