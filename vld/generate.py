@@ -26,7 +26,8 @@ from vld.sim_client import SimClient
 MAX_TASKS = 2_000
 MAX_SEED = 2**30
 _SEEDS_PER_BUILDING = 1_000
-_ATTEMPTS = 18
+_ATTEMPTS = 50
+_FIRST_ATTEMPTS = 18
 _CORNERS: dict[Difficulty, tuple[int, ...]] = {"easy": (0, 1), "moderate": (2, 3), "hard": (4, 5, 6)}
 _CATEGORIES: tuple[Category, ...] = get_args(Category)
 
@@ -68,7 +69,7 @@ def make_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue: Cata
     plan = wanted.building
     why = ""
     for attempt in range(_ATTEMPTS):
-        seed = plan.seed + 1 + wanted.rank * (_ATTEMPTS + 2) + attempt
+        seed = _seed_of(plan, wanted.rank, attempt)
         # a building without balconies has no place for furniture: later attempts take another category
         category = _CATEGORIES[(_CATEGORIES.index(wanted.category) + attempt // 3) % len(_CATEGORIES)]
         try:
@@ -80,6 +81,14 @@ def make_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue: Cata
             continue
         return _task(spec, scene, seed, plan, category, proof, catalogue)
     raise CannotGenerate(f"task {wanted.number} at {plan.name}: none of {_ATTEMPTS} draws can be flown, last: {why}")
+
+
+def _seed_of(plan: BuildingPlan, rank: int, attempt: int) -> int:
+    """A seed for every attempt of a building's tasks, of which there are fewer than twenty. Most tasks are found in the
+    first attempts; the others go on in a range of their own."""
+    if attempt < _FIRST_ATTEMPTS:
+        return plan.seed + 1 + 20 * rank + attempt
+    return plan.seed + 401 + (_ATTEMPTS - _FIRST_ATTEMPTS) * (rank % 18) + attempt - _FIRST_ATTEMPTS
 
 
 def generate(

@@ -106,4 +106,8 @@ def own_simulator(start_s: float = 60.0) -> Iterator[SimClient]:
         yield client
     finally:
         process.terminate()
-        process.wait(timeout=20)
+        try:
+            process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
