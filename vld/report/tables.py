@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from vld.report import paper
-from vld.report.markup import Html, interval, join, number, p_value, percent, tag, text
+from vld.report.markup import Html, counted, interval, join, number, p_value, percent, tag, text
 from vld.report.runs import Run
 from vld.summary import Comparison, Rate, compare
 
@@ -163,7 +163,7 @@ def _our_scores(first: str, rows: Sequence[Row]) -> Html:
                 text(row.name),
                 _rate(summary.success, f"p {p_value(test.success_p)}" if test is not None else ""),
                 spl,
-                _number(number(summary.average_steps), f"{summary.success.k} successes"),
+                _number(number(summary.average_steps), counted(summary.success.k, "success", "successes")),
             ]
         )
     return _table((first, *SCORE_HEADS), cells)
