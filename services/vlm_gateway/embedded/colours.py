@@ -16,6 +16,8 @@ MAX_PATCHES = 40
 MIN_AREA_PX = 28
 LIKELY = 110
 """Of 255; pixels under it don't start a patch."""
+THIN_PX = (7, 15)
+SAME_SHARE = 0.7
 COMMON_SHARE = 0.03
 """A colour that fills more of a picture than this is wall, glass or sky."""
 
@@ -60,14 +62,35 @@ def likeness(picture: Coded, table: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def patches(like: NDArray[np.uint8]) -> list[Patch]:
-    """The patches of likely pixels, those with the most pixels first, at most MAX_PATCHES."""
+    """The patches of likely pixels, those with the most pixels first, at most MAX_PATCHES.
+
+    A thing may touch a window's frame, a bar or a gutter of its own colour: patches are looked for once more with all
+    that is thinner than each of THIN_PX taken away.
+    """
     side = like.shape[0]
     mask = (like >= LIKELY).astype(np.uint8)
     closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
-    count, _, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8, ltype=cv2.CV_32S)
+    found = _components(np.asarray(closed, np.uint8), side)
+    for thin in THIN_PX:
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (thin, thin))
+        thick = _components(np.asarray(cv2.morphologyEx(closed, cv2.MORPH_OPEN, kernel), np.uint8), side)
+        found += [p for p in thick if not any(_alike(p, q) for q in found)]
+    return sorted(found, key=lambda p: -p.area)[:MAX_PATCHES]
+
+
+def _components(mask: NDArray[np.uint8], side: int) -> list[Patch]:
+    count, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=cv2.CV_32S)
     stats = stats[1:count]
     w, h, area = stats[:, 2], stats[:, 3], stats[:, 4]
     keep = (area >= MIN_AREA_PX) & (w >= 4) & (h >= 4) & (w <= side * 0.4) & (h <= side * 0.45)
     stats = stats[keep]
     order = np.argsort(-stats[:, 4], kind="stable")[:MAX_PATCHES]
     return [Patch(*(int(v) for v in row)) for row in stats[order]]
+
+
+def _alike(p: Patch, q: Patch) -> bool:
+    """Whether two boxes share most of their area."""
+    across = min(p.x + p.width, q.x + q.width) - max(p.x, q.x)
+    down = min(p.y + p.height, q.y + q.height) - max(p.y, q.y)
+    shared = max(0, across) * max(0, down)
+    return shared > SAME_SHARE * (p.width * p.height + q.width * q.height - shared)

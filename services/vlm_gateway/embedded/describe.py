@@ -10,6 +10,8 @@ SIDE = 40
 CELL = 8
 TURNS = 8
 AROUND = 1.6
+LARGE = 0.1
+"""Of the picture's side."""
 Floats = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 
@@ -74,7 +76,8 @@ def _turns(grey: Floats) -> Floats:
 
 
 def _shape(p: Patch, side: int) -> tuple[float, ...]:
-    w, h = p.width / side, p.height / side
+    # from near, size says nothing more: a large patch is not to look strange for having been learnt from afar
+    w, h = min(p.width / side, LARGE), min(p.height / side, LARGE)
     return (
         float(np.log(w)),
         float(np.log(h)),

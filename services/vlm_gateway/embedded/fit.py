@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.geometry import Box
 from contracts.labelled import LABELS_FILE, LabelledView
 from contracts.sim import Catalogue, VisibleObject
 from services.vlm_gateway.embedded.bands import BANDS, column_bands, peaks, row_bands, small
@@ -30,7 +31,7 @@ Floats = NDArray[np.float32]
 Picture = NDArray[np.uint8]
 VERSION = "1"
 _HEAT_WIDTH = 1.6
-COLOURS_A_PICTURE = 3
+COLOURS_A_PICTURE = 8
 BACKGROUND = 4
 TABLE_EVERY = 3
 _WRONG_CLAIMS = 0.011
@@ -199,11 +200,30 @@ class Patches(NamedTuple):
 
 
 def patches_of(number: int, one: Shown, tables: NDArray[np.uint8], words: Vocabulary) -> Patches:
-    """The patches of a few of the colours that the picture's things have, and of one more colour."""
+    """The patches of the picture and, where it is learnt from, of its mirror image."""
     rng = np.random.default_rng((3, number))
-    picture = nominal(one.rgb)
+    picture, things = nominal(one.rgb), one.label.truth.objects
+    as_seen = _patches_of(picture, things, rng, tables, words)
+    if kept_back(one.label):
+        return as_seen
+    turned = tuple(t.model_copy(update={"box": _mirrored(t.box)}) for t in things)
+    mirrored = _patches_of(np.ascontiguousarray(picture[:, ::-1]), turned, rng, tables, words)
+    return Patches(np.concatenate([as_seen.x, mirrored.x]), np.concatenate([as_seen.kinds, mirrored.kinds]))
+
+
+def _mirrored(box: Box) -> Box:
+    return box.model_copy(update={"x_min": 1.0 - box.x_max, "x_max": 1.0 - box.x_min})
+
+
+def _patches_of(
+    picture: Picture,
+    things: tuple[VisibleObject, ...],
+    rng: np.random.Generator,
+    tables: NDArray[np.uint8],
+    words: Vocabulary,
+) -> Patches:
+    """The patches of the colours that the picture's things have, and of one more colour."""
     code = coded(picture)
-    things = one.label.truth.objects
     present = sorted({t.colour for t in things if t.colour in words.colours})
     asked = {str(c) for c in rng.permutation(present)[:COLOURS_A_PICTURE]} | {str(rng.choice(words.colours))}
     xs: list[NDArray[np.float16]] = [np.zeros((0, width(len(words.colours))), np.float16)]
