@@ -51,6 +51,7 @@ class Placer:
         self._rng = rng
         self._slots = window_slots(target)
         self._taken: set[Spot] = set()
+        self._goal: Spot | None = None
         self._count = 0
 
     def goal(self) -> SceneObject:
@@ -139,14 +140,14 @@ class Placer:
         return apart >= FLOOR_DECOY_APART if decoy.like == "floor" else apart <= 1
 
     def _away_from_goal(self, slots: Iterable[WindowSlot]) -> list[WindowSlot]:
-        at = [s for s in self._taken if s[0] == self._target.id][:1]
+        goal = self._goal
         return [
             s
             for s in slots
-            if not at
-            or (s.building, s.facade) != at[0][:2]
-            or abs(s.column - at[0][3]) >= 2
-            or abs(s.floor - at[0][2]) >= 2
+            if goal is None
+            or (s.building, s.facade) != goal[:2]
+            or abs(s.column - goal[3]) >= 2
+            or abs(s.floor - goal[2]) >= 2
         ]
 
     def _put(
@@ -169,6 +170,8 @@ class Placer:
         places = [p for s, p in fits if (s.building, s.facade, s.floor, s.column) == spot]
         place = places[int(self._rng.integers(len(places)))]
         self._taken.add(spot)
+        if self._goal is None:
+            self._goal = spot  # the goal is put first
         flat = place in ("wall", "pane")
         turn = 0.0 if flat or entry.category == "posters" else round(float(self._rng.uniform(-0.35, 0.35)), 3)
         return SceneObject(
