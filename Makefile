@@ -8,7 +8,7 @@ SAMPLE ?= green-flower-pot
 BACKEND ?= embedded
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo test test-slow check format load bench-sim docs compose-check clean
+.PHONY: help setup demo test test-slow check format load bench-sim clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'

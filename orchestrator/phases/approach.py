@@ -13,6 +13,8 @@ MAX_LEGS = 8
 LOOK_AGAIN_M = 5.0
 LONGEST_LEG_M = 8.0
 SAME_THING_M = 2.0
+SURE = 0.9
+"""A sighting from near with at least this confidence stands even where the second look says nothing."""
 NEAR_ENOUGH_M = 0.8
 TIGHT_CLEARANCE_M = 0.25
 
@@ -48,6 +50,17 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
     sortie = exploration.sortie
     settings = sortie.settings.approach
     confirmed, tight = False, False
+    if distance_m(found.look.pose, found.place) <= LOOK_AGAIN_M + 1.0:
+        # near already: one leg would end too close to look again, so the second look is from here, face to face
+        pose = found.look.pose
+        towards = math.atan2(found.place.y - pose.y, found.place.x - pose.x)
+        await sortie.fly((), towards, "turn to what was seen")
+        again = await exploration.search(await sortie.look(), "face to face", near=found.place)
+        if again is not None and distance_m(again.place, found.place) <= SAME_THING_M:
+            found = again
+        elif found.sighting.match.confidence < SURE:
+            return Lost(found.place, "not seen again face to face")
+        confirmed = True
     look, sight, box = found.look, found.sight, found.sighting.match.box
     for leg in range(1, MAX_LEGS + 1):
         far = distance_m(look.pose, found.place)
