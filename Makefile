@@ -8,7 +8,7 @@ SAMPLE ?= green-flower-pot
 BACKEND ?= embedded
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo test test-slow check format load bench-sim clean
+.PHONY: help setup demo samples test test-slow check format load bench-sim clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -31,6 +31,12 @@ setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (syst
 
 demo: setup  ## fly one delivery with a live view: make demo [SAMPLE=name] [BACKEND=embedded|oracle]
 	@$(BIN)/logisticsvln deliver --sample $(SAMPLE) --backend $(BACKEND)
+
+samples: setup  ## fly all sample deliveries: make samples [BACKEND=oracle]
+	@for file in orchestrator/samples/*.json; do \
+	  name=$$(basename $$file .json); printf '%-20s' $$name; \
+	  $(BIN)/logisticsvln deliver --sample $$name --backend $(BACKEND) 2>&1 | grep -E '^[A-Z][A-Z ]{5,}' | head -1; \
+	done
 
 test: setup .venv/.redis  ## run the tests (a redis-server of its own included)
 	@$(BIN)/python -m pytest
