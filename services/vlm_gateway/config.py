@@ -24,7 +24,7 @@ from pydantic import Field, ValidationError
 from contracts.base import Name, Unit, Wire
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, Settings
-from services.vlm_gateway.presets import Family, Server, Structured, families, servers
+from services.vlm_gateway.presets import BoxOrder, BoxStyle, Family, Server, Structured, families, servers
 
 ROLES: tuple[Role, ...] = ("parser", "floors", "recognition", "choice")
 
@@ -85,8 +85,13 @@ class OracleModelConfig(_Limits):
 
 class ChatModelConfig(_Limits):
     """One model of an OpenAI-compatible server. What is not given is taken from the preset (`max_images`,
-    `min_pixels`, `max_pixels`, `temperature`, `max_tokens`) or the server (`structured`). `revision` tells answers of
-    differently quantised or re-trained models apart in the cache. `extra` is sent with every request as it is."""
+    `min_pixels`, `max_pixels`, `temperature`, `max_tokens`, `boxes`, `box_order`, `image_factor`) or the server
+    (`structured`). `context_tokens` is the context that Ollama is asked to give the model. `revision` tells answers of
+    differently quantised or re-trained models apart in the cache. `extra` is sent with every request as it is.
+
+    For chats that are passed on: `retries` is how often a request is made again where its failure may pass, `fallbacks`
+    the aliases that are asked in turn where this model can't be reached, and the prices (US dollars a million tokens)
+    make what is spent."""
 
     backend: Literal["chat"]
     base_url: str = ""
@@ -103,7 +108,15 @@ class ChatModelConfig(_Limits):
     max_images: int | None = Field(default=None, ge=1, le=16)
     min_pixels: int | None = Field(default=None, ge=1)
     max_pixels: int | None = Field(default=None, ge=1)
+    boxes: BoxStyle | None = None
+    box_order: BoxOrder | None = None
+    image_factor: int | None = Field(default=None, ge=1, le=512)
+    context_tokens: int | None = Field(default=None, ge=512, le=1_048_576)
     extra: dict[str, Any] = {}
+    retries: int = Field(default=1, ge=0, le=5)
+    fallbacks: tuple[Name, ...] = Field(default=(), max_length=8)
+    usd_per_million_prompt: float = Field(default=0.0, ge=0.0, le=100_000.0)
+    usd_per_million_completion: float = Field(default=0.0, ge=0.0, le=100_000.0)
 
 
 ModelConfig = Annotated[
@@ -111,16 +124,35 @@ ModelConfig = Annotated[
 ]
 
 
+class KeyConfig(Wire):
+    """One caller's key and what it may do; what is not given is not bounded. Only the key's SHA-256 is kept
+    (`python -m services.vlm_gateway.keys` makes both). Callers of one `tenant` (by default each key is its own) share
+    cached answers. Budgets count per process; a day begins at midnight UTC. `admin` may read /metrics and
+    /v1/status."""
+
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
+    tenant: Name | None = None
+    models: tuple[Name, ...] | None = None
+    requests_per_minute: int | None = Field(default=None, ge=1, le=10_000_000)
+    concurrency: int | None = Field(default=None, ge=1, le=100_000)
+    tokens_per_minute: int | None = Field(default=None, ge=1, le=10_000_000_000)
+    tokens_per_day: int | None = Field(default=None, ge=1, le=10_000_000_000_000)
+    admin: bool = False
+
+
 class _File(Wire):
     models: dict[Name, ModelConfig] = {}
     roles: dict[Role, Name] = {}
+    keys: dict[Name, KeyConfig] = {}
 
 
 class GatewayConfig(Wire):
-    """`roles` holds an alias of `models` for every role that has one; `parser` has none unless it is given."""
+    """`roles` holds an alias of `models` for every role that has one; `parser` has none unless it is given. Without
+    `keys` everybody may ask everything."""
 
     models: dict[Name, ModelConfig]
     roles: dict[Role, Name]
+    keys: dict[Name, KeyConfig] = {}
 
 
 class ChatModel(Wire):
@@ -147,6 +179,18 @@ class ChatModel(Wire):
     @property
     def max_images(self) -> int:
         return self.config.max_images or self.family.max_images
+
+    @property
+    def boxes(self) -> BoxStyle:
+        return self.config.boxes or self.family.boxes
+
+    @property
+    def box_order(self) -> BoxOrder:
+        return self.config.box_order or self.family.box_order
+
+    @property
+    def image_factor(self) -> int:
+        return self.config.image_factor or self.family.image_factor
 
     @property
     def pixel_range(self) -> tuple[int, int]:
@@ -177,7 +221,23 @@ def load_config(path: Path | None, *, oracle_allowed: bool, noise: OracleNoise =
         if role == "parser" and not isinstance(models[alias], ChatModelConfig):
             raise BadSetting(f"{where}: roles.parser: {alias!r} is no language model; name one with backend 'chat'")
         roles[role] = alias
-    return GatewayConfig(models=models, roles=roles)
+    _check_names(file, models, where)
+    return GatewayConfig(models=models, roles=roles, keys=file.keys)
+
+
+def _check_names(file: _File, models: Mapping[str, ModelConfig], where: str) -> None:
+    """That fallbacks and keys name models there are, and no two keys are one."""
+    for alias, model in models.items():
+        for at, other in enumerate(model.fallbacks if isinstance(model, ChatModelConfig) else ()):
+            if other == alias or not isinstance(models.get(other), ChatModelConfig):
+                raise BadSetting(f"{where}: models.{alias}.fallbacks.{at}: {other!r} is no other chat model")
+    names: dict[str, str] = {}
+    for name, key in file.keys.items():
+        if (first := names.setdefault(key.sha256, name)) != name:
+            raise BadSetting(f"{where}: keys.{name}.sha256: the same key as keys.{first}")
+        for other in key.models or ():
+            if other not in models:
+                raise BadSetting(f"{where}: keys.{name}.models: no model {other!r}; there are {', '.join(sorted(models))}")
 
 
 def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
@@ -190,6 +250,8 @@ def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
     if server is None:
         raise BadSetting(f"{key}.server: no server {config.server!r}; there are {', '.join(servers())}")
     base_url = (config.base_url or server.base_url).rstrip("/")
+    if server.api == "ollama" and not base_url.endswith("/v1"):
+        base_url += "/v1"  # where chats of clients go; typed questions go to /api/chat beside it
     parts = urlsplit(base_url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise BadSetting(f"{key}.base_url: {base_url!r} is no address; give one such as http://127.0.0.1:8000/v1")
@@ -200,6 +262,8 @@ def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
     low, high = config.min_pixels or family.min_pixels, config.max_pixels or family.max_pixels
     if low > high:
         raise BadSetting(f"{key}: min_pixels {low} is over max_pixels {high}")
+    if config.context_tokens is not None and server.api != "ollama":
+        raise BadSetting(f"{key}.context_tokens: only server 'ollama' takes it; set it where the server starts")
     reserved = sorted({"model", "messages", "stream", "n"} & set(config.extra))
     if reserved:
         raise BadSetting(f"{key}.extra: {', '.join(reserved)} can't be set here; the gateway sets it")

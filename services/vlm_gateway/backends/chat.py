@@ -1,10 +1,9 @@
 """The four questions put to any OpenAI-compatible model: ask by preset, read, validate, repair once, typed outcome."""
 
 import asyncio
+import logging
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
-
-from pydantic_core import to_json
 
 from contracts.vlm_gateway import Match, Tokens
 from service_kit.errors import BadQuestion
@@ -18,22 +17,28 @@ from services.vlm_gateway.backends.base import (
     FloorsAsk,
     Kind,
     ObjectAsk,
+    Picture,
     Reply,
     Sightings,
     shortened,
 )
-from services.vlm_gateway.chat import prompts, schemas
+from services.vlm_gateway.chat import dialects, prompts, schemas
 from services.vlm_gateway.chat.boxes import Size
 from services.vlm_gateway.chat.extract import json_values, looks_like_refusal, without_reasoning
+from services.vlm_gateway.chat.reencode import fresh
 from services.vlm_gateway.chat.upstream import Completion, Upstream
 from services.vlm_gateway.config import ChatModel
+from services.vlm_gateway.errors import ModelRejected
+from services.vlm_gateway.presets import Structured
 
 T = TypeVar("T")
+log = logging.getLogger(__name__)
 
 
 class ChatBackend:
     """One model behind one `Upstream`. Views are asked in one call where the model takes that many pictures, else in
-    several calls whose answers are put together."""
+    several calls whose answers are put together. Where the server turns out not to know the dialect in which it is
+    asked for an answer's form, it is asked in words only from then on."""
 
     kind: Kind = "chat"
     cacheable = True
@@ -43,7 +48,8 @@ class ChatBackend:
         self.settings = model
         family = model.family
         low, high = model.pixel_range
-        self._boxes = schemas.BoxForm(family.box_key, family.boxes, family.image_factor, low, high)
+        self._boxes = schemas.BoxForm(family.box_key, model.boxes, model.box_order, model.image_factor, low, high)
+        self._structured: Structured = model.structured
 
     @property
     def model(self) -> str:
@@ -62,23 +68,28 @@ class ChatBackend:
             "max_images": model.max_images,
             "pixels": list(model.pixel_range),
             "revision": model.config.revision,
+            "boxes": [model.boxes, model.box_order, model.image_factor],
+            "context_tokens": model.config.context_tokens,
             "extra": model.config.extra,
         }
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         self._needs_vision()
-        return await self._ask(prompts.floors(ask.picture, schemas.floors_form()), schemas.read_floors)
+        picture = await self._fresh(ask.picture)
+        return await self._ask(prompts.floors(picture, schemas.floors_form()), schemas.read_floors)
 
     async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
         self._needs_vision()
-        sent = Size(ask.picture.width, ask.picture.height)
-        asked = prompts.building(ask.picture, schemas.building_form(self._boxes), self._boxes)
+        picture = await self._fresh(ask.picture)
+        sent = Size(picture.width, picture.height)
+        asked = prompts.building(picture, schemas.building_form(self._boxes), self._boxes)
         return await self._ask(asked, lambda value: schemas.read_building(value, self._boxes, sent))
 
     async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         self._needs_vision()
+        views = [AskedView(view.heading_deg, await self._fresh(view.picture)) for view in ask.views]
         limit = self.settings.max_images
-        groups = [ask.views[at : at + limit] for at in range(0, len(ask.views), limit)]
+        groups = [views[at : at + limit] for at in range(0, len(views), limit)]
         calls = [asyncio.ensure_future(self._find_in(ask.phrase, group)) for group in groups]
         try:
             return _merged(await asyncio.gather(*calls))
@@ -90,7 +101,7 @@ class ChatBackend:
         self._needs_vision()
         labels = [point.label for point in ask.points]
         form = schemas.choice_form(labels)
-        asked = prompts.direction(ask.picture, ask.heading_deg, ask.points, ask.task, form)
+        asked = prompts.direction(await self._fresh(ask.picture), ask.heading_deg, ask.points, ask.task, form)
         return await self._ask(asked, lambda value: schemas.read_choice(value, labels))
 
     def status(self) -> dict[str, object]:
@@ -99,6 +110,7 @@ class ChatBackend:
             "preset": self.settings.config.preset,
             "server": self.settings.config.server,
             "base_url": self.settings.base_url,
+            "structured": self._structured,
             "running": upstream.admission.running,
             "waiting": upstream.admission.waiting,
             "breaker": upstream.breaker.state,
@@ -113,14 +125,22 @@ class ChatBackend:
 
     async def _ask(self, asked: prompts.Asked, read: Callable[[object], T]) -> Reply[T]:
         conversation = prompts.messages(asked, reads_system=self.settings.family.reads_system)
-        completion = await self.upstream.complete(self._body(conversation, asked.form))
-        tokens, attempts = completion.tokens, completion.attempts
-        outcome, text = _understood(completion, read)
-        if isinstance(outcome, schemas.Unreadable):
-            conversation += prompts.repair(text, str(outcome), asked.form)
-            completion = await self.upstream.complete(self._body(conversation, asked.form))
-            tokens, attempts = _sum(tokens, completion.tokens), attempts + completion.attempts
+        tokens, attempts = Tokens(), 0
+        outcome: T | schemas.Unreadable | schemas.Declined
+        try:
+            completion = await self._complete(conversation, asked.form)
+            tokens, attempts = completion.tokens, completion.attempts
             outcome, text = _understood(completion, read)
+            if isinstance(outcome, schemas.Unreadable):
+                conversation += prompts.repair(text, str(outcome), asked.form)
+                completion = await self._complete(conversation, asked.form)
+                tokens, attempts = _sum(tokens, completion.tokens), attempts + completion.attempts
+                outcome, text = _understood(completion, read)
+        except ModelRejected as error:
+            if error.details.get("reason") != "declined":
+                raise
+            attempts += 1  # a content filter that answers with an error is the model's refusal, told in another way
+            outcome, text = schemas.Declined(), str(error.details.get("upstream_message", ""))
         words = shortened(text)
         if isinstance(outcome, schemas.Declined):
             return Reply("refused", text=words, tokens=tokens, attempts=attempts)
@@ -128,22 +148,30 @@ class ChatBackend:
             return Reply("unreadable", text=words, tokens=tokens, attempts=attempts)
         return Reply("answered", outcome, words, tokens, attempts)
 
-    def _body(self, conversation: list[prompts.Message], form: schemas.Form) -> bytes:
-        model = self.settings
-        body: dict[str, Any] = {
-            "model": model.config.model,
-            "messages": conversation,
-            "temperature": model.temperature,
-            model.server.max_tokens_field: model.max_tokens,
-        }
-        if model.structured == "json_schema":
-            schema = {"name": form.name, "schema": form.schema, "strict": True}
-            body["response_format"] = {"type": "json_schema", "json_schema": schema}
-        elif model.structured == "json_object":
-            body["response_format"] = {"type": "json_object"}
-        elif model.structured == "guided":
-            body["guided_json"] = form.schema
-        return to_json(body | model.config.extra)
+    async def _complete(self, conversation: list[prompts.Message], form: schemas.Form) -> Completion:
+        try:
+            return await self.upstream.ask(dialects.call(self.settings, conversation, form, self._structured))
+        except ModelRejected as error:
+            if error.details.get("reason") != "structure" or self._structured == "none":
+                raise
+            log.warning(
+                "the server of model %r does not take %s (%s): it is asked in words only",
+                self.settings.alias,
+                self._structured,
+                error.details.get("upstream_message", ""),
+            )
+            self._structured = "none"
+            return await self.upstream.ask(dialects.call(self.settings, conversation, form, "none"))
+
+    async def _fresh(self, picture: Picture) -> Picture:
+        server = self.settings.server
+        return await asyncio.to_thread(
+            fresh,
+            picture,
+            max_pixels=self.settings.pixel_range[1],
+            max_side=server.max_image_side,
+            max_bytes=server.max_image_bytes,
+        )
 
     def _needs_vision(self) -> None:
         if not self.settings.family.vision:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from contracts.geometry import Box
-from services.vlm_gateway.presets import BoxStyle
+from services.vlm_gateway.presets import BoxOrder, BoxStyle
 
 OVERSHOOT = 0.02
 """How far outside the picture an edge may lie, as a share of its side, before the box counts as unreadable."""
@@ -42,19 +42,24 @@ def scale(style: BoxStyle, sent: Size, factor: int, min_pixels: int, max_pixels:
     """What 1.0 of the width and of the height are in the convention's numbers."""
     if style == "unit":
         return 1.0, 1.0
-    if style in ("thousand", "thousand_yx"):
+    if style == "thousand":
         return 1000.0, 1000.0
     size = sent if style == "pixels" else smart_resize(sent, factor, min_pixels, max_pixels)
     return float(size.width), float(size.height)
 
 
-def to_unit(numbers: Sequence[float], style: BoxStyle, full: tuple[float, float]) -> Box:
+def to_unit(numbers: Sequence[float], order: BoxOrder, full: tuple[float, float]) -> Box:
     """`numbers`: four, as the model wrote them; `full`: from `scale`. Edges slightly outside are moved to the
     picture's edge. Raises BadBox."""
     if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
         raise BadBox("a box needs four finite numbers")
     first, second, third, fourth = numbers
-    x0, y0, x1, y1 = (second, first, fourth, third) if style == "thousand_yx" else (first, second, third, fourth)
+    if order == "yxyx":
+        x0, y0, x1, y1 = second, first, fourth, third
+    elif order == "xywh":
+        x0, y0, x1, y1 = first, second, first + third, second + fourth
+    else:
+        x0, y0, x1, y1 = first, second, third, fourth
     x0, x1, y0, y1 = x0 / full[0], x1 / full[0], y0 / full[1], y1 / full[1]
     if min(x0, y0) < -OVERSHOOT or max(x1, y1) > 1 + OVERSHOOT:
         raise BadBox(f"the box reaches outside the picture, whose far corner is {full[0]:g}, {full[1]:g}")
@@ -64,12 +69,24 @@ def to_unit(numbers: Sequence[float], style: BoxStyle, full: tuple[float, float]
     return Box(x_min=x0, y_min=y0, x_max=x1, y_max=y1)
 
 
-def in_words(style: BoxStyle, full: tuple[float, float]) -> str:
+_NAMES: dict[BoxOrder, str] = {
+    "xyxy": "[x_min, y_min, x_max, y_max]",
+    "yxyx": "[y_min, x_min, y_max, x_max]",
+    "xywh": "[x_min, y_min, width, height]",
+}
+
+
+def numbers_by_name(order: BoxOrder) -> str:
+    """The four numbers by name."""
+    return _NAMES[order]
+
+
+def in_words(style: BoxStyle, order: BoxOrder, full: tuple[float, float]) -> str:
     """The convention as the prompt states it."""
+    numbers = numbers_by_name(order)
     if style == "unit":
-        return "[x_min, y_min, x_max, y_max], each from 0.0 (left or top) to 1.0 (right or bottom)"
+        return f"{numbers}, each from 0.0 (left or top) to 1.0 (right or bottom)"
     if style == "thousand":
-        return "[x_min, y_min, x_max, y_max], each an integer from 0 to 1000 (thousandths of the width or height)"
-    if style == "thousand_yx":
-        return "[y_min, x_min, y_max, x_max], each an integer from 0 to 1000 (thousandths of the height or width)"
-    return f"[x_min, y_min, x_max, y_max] in pixels of the picture, which is {full[0]:g} wide and {full[1]:g} high"
+        sides = "height or width" if order == "yxyx" else "width or height"
+        return f"{numbers}, each an integer from 0 to 1000 (thousandths of the {sides})"
+    return f"{numbers} in pixels of the picture, which is {full[0]:g} wide and {full[1]:g} high"

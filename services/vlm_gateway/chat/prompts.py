@@ -1,7 +1,7 @@
 """What a vision model is asked, per role. Raise `VERSION` with every change of wording: the cache's key has it."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pybase64
 
@@ -11,10 +11,10 @@ from services.vlm_gateway.backends.base import AskedView, Picture
 from services.vlm_gateway.chat.boxes import Size
 from services.vlm_gateway.chat.schemas import BoxForm, Form
 
-VERSION = 1
+VERSION = 2
 
-Part = dict[str, object]
-Message = dict[str, object]
+Part = dict[str, Any]
+Message = dict[str, Any]
 
 SYSTEM = (
     "You are the eyes of a delivery drone that flies in front of a building. You answer questions about its camera "

@@ -9,8 +9,8 @@ from typing import NamedTuple, TypeVar
 from contracts.geometry import Box, PointLabel
 from contracts.vlm_gateway import Match
 from services.vlm_gateway.backends.base import AskedView, Building, Direction, Floors, Sightings
-from services.vlm_gateway.chat.boxes import BadBox, Size, in_words, scale, to_unit
-from services.vlm_gateway.presets import BoxStyle
+from services.vlm_gateway.chat.boxes import BadBox, Size, in_words, numbers_by_name, scale, to_unit
+from services.vlm_gateway.presets import BoxOrder, BoxStyle
 
 T = TypeVar("T")
 MAX_MATCHES = 25
@@ -29,6 +29,7 @@ class BoxForm(NamedTuple):
 
     key: str
     style: BoxStyle
+    order: BoxOrder
     factor: int
     min_pixels: int
     max_pixels: int
@@ -37,15 +38,17 @@ class BoxForm(NamedTuple):
         return scale(self.style, sent, self.factor, self.min_pixels, self.max_pixels)
 
     def in_words(self, sent: Size) -> str:
-        return in_words(self.style, self.full(sent))
+        return in_words(self.style, self.order, self.full(sent))
 
     def read(self, value: object, sent: Size) -> Box:
         """Raises Unreadable."""
+        if isinstance(value, list) and len(value) == 1 and isinstance(value[0], list):
+            value = value[0]  # InternVL's nested lists
         if not isinstance(value, list):
             raise Unreadable(f'"{self.key}" must be a list of four numbers')
         numbers = [_number(entry, f'"{self.key}"') for entry in value]
         try:
-            return to_unit(numbers, self.style, self.full(sent))
+            return to_unit(numbers, self.order, self.full(sent))
         except BadBox as error:
             raise Unreadable(f'"{self.key}": {error}') from None
 
@@ -78,7 +81,7 @@ def read_floors(value: object) -> Floors:
 
 def building_form(boxes: BoxForm) -> Form:
     schema = _object({boxes.key: {"anyOf": [_box_schema(), {"type": "null"}]}})
-    return Form("building_box", schema, f'{{"{boxes.key}": {_example(boxes)}}} or {{"{boxes.key}": null}}')
+    return Form("building_box", schema, f'{{"{boxes.key}": {numbers_by_name(boxes.order)}}} or {{"{boxes.key}": null}}')
 
 
 def read_building(value: object, boxes: BoxForm, sent: Size) -> Building:
@@ -98,7 +101,7 @@ def find_form(boxes: BoxForm, views: int) -> Form:
         }
     )
     schema = _object({"found": {"type": "boolean"}, "matches": {"type": "array", "items": match}})
-    match_example = f'{{"view": <number>, "{boxes.key}": {_example(boxes)}, "confidence": <0.0 to 1.0>}}'
+    match_example = f'{{"view": <number>, "{boxes.key}": {numbers_by_name(boxes.order)}, "confidence": <0.0 to 1.0>}}'
     example = f'{{"found": true, "matches": [{match_example}]}}'
     return Form("object_search", schema, example + ' or {"found": false, "matches": []}')
 
@@ -190,7 +193,3 @@ def _object(properties: dict[str, object]) -> dict[str, object]:
 
 def _box_schema() -> dict[str, object]:
     return {"type": "array", "items": {"type": "number"}, "minItems": 4, "maxItems": 4}
-
-
-def _example(boxes: BoxForm) -> str:
-    return "[y_min, x_min, y_max, x_max]" if boxes.style == "thousand_yx" else "[x_min, y_min, x_max, y_max]"

@@ -1,32 +1,39 @@
-"""What is known of model families and of servers, read from the TOML files beside this one."""
+"""What is known of model families and of servers, read from the TOML files beside this one.
+
+Every entry names its `sources`: where its makers, or people who measured it, say so.
+"""
 
 import tomllib
 from functools import cache
 from importlib.resources import files
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from contracts.base import Wire
 
-BoxStyle = Literal["unit", "thousand", "thousand_yx", "pixels", "resized_pixels"]
-Structured = Literal["json_schema", "json_object", "guided", "none"]
+BoxStyle = Literal["unit", "thousand", "pixels", "resized_pixels"]
+BoxOrder = Literal["xyxy", "yxyx", "xywh"]
+Structured = Literal["json_schema", "json_object", "guided_json", "structured_outputs", "grammar", "format", "none"]
 
 
 class Family(Wire):
     """How a family of models wants to be asked. `version` goes into the cache's key: raise it with every change.
 
-    `boxes`: numbers of a box as the model writes them. `unit`: x y x y in 0..1; `thousand`: x y x y in 0..1000;
-    `thousand_yx`: y x y x in 0..1000; `pixels`: x y x y of the picture as sent; `resized_pixels`: x y x y of the
-    picture as the model's processor resizes it (multiples of `image_factor`, from `min_pixels` to `max_pixels`).
-    `box_key` is what the family calls a box. `documented` says whether the makers describe the boxes.
-    `reads_system` is false where the chat template has no system message beside pictures.
+    `boxes`: the numbers of a box as the model writes them. `unit`: 0..1 of width and height; `thousand`: 0..1000 of
+    them; `pixels`: of the picture as sent; `resized_pixels`: of the picture as the model's processor resizes it
+    (multiples of `image_factor`, from `min_pixels` to `max_pixels` in area). `box_order`: `xyxy` two corners, x
+    first; `yxyx` two corners, y first; `xywh` the upper left corner, width and height. `box_key` is what the family
+    calls a box. `documented` says whether the makers describe the boxes. `reads_system` is false where the chat
+    template has no system message beside pictures.
     """
 
     version: int = Field(ge=1)
     about: str
+    sources: tuple[str, ...] = ()
     vision: bool = True
     boxes: BoxStyle = "unit"
+    box_order: BoxOrder = "xyxy"
     box_key: Literal["bbox", "bbox_2d", "box_2d"] = "bbox"
     documented: bool = False
     image_factor: int = Field(default=28, ge=1, le=512)
@@ -39,12 +46,26 @@ class Family(Wire):
 
 
 class Server(Wire):
-    """What a server understands. `max_tokens_field` is what it calls the limit of the answer's length."""
+    """What a server understands.
+
+    `api`: `openai` is asked at `/chat/completions` under its address, `ollama` at its native `/api/chat` (typed
+    questions only; chats of clients go to its `/v1`). `structured` is the dialect in which an answer's form is asked
+    for: `json_schema` and `json_object` as OpenAI's `response_format`; `guided_json` and `structured_outputs` are
+    vLLM's own fields, before and since 0.12; `grammar` is llama.cpp's GBNF; `format` Ollama's; `none` asks in words
+    only. Whatever a server promises, every answer is checked here. `max_tokens_field` is what it calls the limit of
+    the answer's length. `max_image_bytes` and `max_image_side` (pixels) bound one picture; larger ones are scaled
+    down before they are sent. `extra` is sent with every typed question.
+    """
 
     about: str
+    sources: tuple[str, ...] = ()
+    api: Literal["openai", "ollama"] = "openai"
     base_url: str = ""
     structured: Structured = "none"
     max_tokens_field: Literal["max_tokens", "max_completion_tokens"] = "max_tokens"
+    max_image_bytes: int = Field(default=20_000_000, ge=10_000)
+    max_image_side: int = Field(default=8192, ge=64)
+    extra: dict[str, Any] = {}
 
 
 @cache

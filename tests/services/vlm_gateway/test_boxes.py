@@ -1,11 +1,13 @@
 """Box conventions, with sizes worked out by hand."""
 
+from typing import get_args
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from services.vlm_gateway.chat.boxes import BadBox, Size, scale, smart_resize, to_unit
-from services.vlm_gateway.presets import families, servers
+from services.vlm_gateway.presets import BoxOrder, BoxStyle, families, servers
 
 
 @pytest.mark.parametrize(
@@ -30,12 +32,24 @@ def test_resized_pictures_are_multiples_of_the_factor_and_within_bounds(width: i
         assert 3136 <= resized.width * resized.height <= 1_003_520
 
 
-@pytest.mark.parametrize("style", ["unit", "thousand", "thousand_yx", "pixels", "resized_pixels"])
-def test_the_whole_picture_is_the_whole_picture_in_every_convention(style: str) -> None:
-    full = scale(style, Size(640, 480), 28, 3136, 12_845_056)  # type: ignore[arg-type]
-    corner = [full[1], full[0]] if style == "thousand_yx" else list(full)
-    box = to_unit([0, 0, *corner], style, full)  # type: ignore[arg-type]
+@pytest.mark.parametrize("order", get_args(BoxOrder))
+@pytest.mark.parametrize("style", get_args(BoxStyle))
+def test_the_whole_picture_is_the_whole_picture_in_every_convention(style: BoxStyle, order: BoxOrder) -> None:
+    full = scale(style, Size(640, 480), 28, 3136, 12_845_056)
+    corner = [full[1], full[0]] if order == "yxyx" else list(full)
+    box = to_unit([0, 0, *corner], order, full)
     assert (box.x_min, box.y_min, box.x_max, box.y_max) == (0, 0, 1, 1)
+
+
+def test_each_order_means_the_same_box() -> None:
+    orders: dict[BoxOrder, list[float]] = {
+        "xyxy": [100, 200, 500, 900],
+        "yxyx": [200, 100, 900, 500],
+        "xywh": [100, 200, 400, 700],
+    }
+    for order, numbers in orders.items():
+        box = to_unit(numbers, order, (1000, 1000))
+        assert (box.x_min, box.y_min, box.x_max, box.y_max) == pytest.approx((0.1, 0.2, 0.5, 0.9))
 
 
 def test_pixels_count_in_the_picture_as_sent_and_resized_ones_in_the_resized() -> None:
@@ -44,7 +58,7 @@ def test_pixels_count_in_the_picture_as_sent_and_resized_ones_in_the_resized() -
 
 
 def test_an_edge_slightly_outside_is_moved_to_the_picture_s_edge() -> None:
-    box = to_unit([-5, 0, 1010, 500], "thousand", (1000, 1000))
+    box = to_unit([-5, 0, 1010, 500], "xyxy", (1000, 1000))
     assert (box.x_min, box.x_max) == (0, 1)
 
 
@@ -64,7 +78,7 @@ def test_an_edge_slightly_outside_is_moved_to_the_picture_s_edge() -> None:
 )
 def test_numbers_that_are_no_box_are_refused(numbers: list[float]) -> None:
     with pytest.raises(BadBox):
-        to_unit(numbers, "thousand", (1000, 1000))
+        to_unit(numbers, "xyxy", (1000, 1000))
 
 
 def test_all_presets_can_be_read_and_the_paper_s_models_are_there() -> None:
