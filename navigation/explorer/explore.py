@@ -128,6 +128,7 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
             memory = memory._replace(cut=CUT_LIFTED)
         elif memory.relaxed < settings.relax_rounds:
             grid.attempts[target] = 0
+            frontier.expect_openings(grid, target, settings)
             memory = memory._replace(relaxed=memory.relaxed + 1)
         else:
             over = bool((facade.seen_cells(grid, target) == target).all()) and not grid.expected.any()

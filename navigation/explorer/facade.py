@@ -125,9 +125,12 @@ def find_seed(scan: Scan, walls: Walls, box_deg: tuple[float, float]) -> Seed | 
 
 
 def target_cells(grid: Map, seed: Seed) -> Bools:
-    """(SIZE, SIZE) the target building's cells: those that hang together with the seed over gaps of up to a metre."""
+    """(SIZE, SIZE) the target building's cells: those that hang together with the seed over gaps of up to a metre.
+
+    What stands at the body's height links pieces too: eaves and balconies run on where they hide the wall behind.
+    """
     solid = (grid.state == OCCUPIED).astype(np.uint8)
-    grown = cv2.dilate(solid, np.ones((3, 3), np.uint8))
+    grown = cv2.dilate(solid | grid.body, np.ones((3, 3), np.uint8))
     labels = cv2.connectedComponents(grown, connectivity=8)[1]
     cell = int(cells_of(grid, np.array([[seed.x, seed.y]]))[0])
     if cell < 0:
@@ -151,11 +154,16 @@ def unseen(grid: Map, target: Bools, settings: Settings) -> Bools:
     """(SIZE, SIZE) what is worth a stop: the target's cells that no stop has seen well, nor any cell beside them, and
     the expected ones; in pieces of at least `min_patch_m`, not yet tried in vain `attempts` times."""
     left = (target & ~seen_cells(grid, target) & (grid.attempts < settings.attempts)) | grid.expected
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(left.astype(np.uint8), connectivity=8)
+    return patches(left, settings.min_patch_m)
+
+
+def patches(cells: Bools, least_m: float) -> Bools:
+    """(SIZE, SIZE) the cells without those in connected pieces smaller than `least_m` across."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=8)
     extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * CELL_M
-    worth = extent >= settings.min_patch_m
+    worth = extent >= least_m
     worth[0] = False
-    out: Bools = worth[labels] if count > 1 else np.zeros_like(left)
+    out: Bools = worth[labels] if count > 1 else np.zeros_like(cells)
     return out
 
 

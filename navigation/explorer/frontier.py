@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navigation.camera import Pose
-from navigation.explorer.facade import Walls
+from navigation.explorer.facade import Walls, patches
 from navigation.explorer.map import CELL_M, FREE, SIZE, UNKNOWN, Cells, Map, cells_of, from_turns, to_turns
 from navigation.explorer.scan import BINS, Scan
 from navigation.explorer.settings import Settings
@@ -20,6 +20,9 @@ LIKE = 0.8
 """Cosine from which two normals count as of one wall."""
 _FREE_END_M = 3.0
 _FEW = 3
+_SAME_END_M = 1.5
+_OUTLINE_M = 6.0
+_NEAR_TARGET_M = 3.0
 _LOOK_OUT = 24
 
 
@@ -42,10 +45,12 @@ def expect(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Setting
 
 
 def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settings) -> Iterator[Guess]:
-    """One for each end of each run of the scan that belongs to the target, pieces of a few returns apart."""
+    """One for each end of each run of the scan that belongs to the target, and for each edge of its outline at which
+    no run ended: behind the last balcony a run may be of a few returns only."""
     points = scan.points(scan.range_m)
     cells = cells_of(grid, np.nan_to_num(points, nan=1e9, posinf=1e9, neginf=-1e9))
     ours = (cells >= 0) & (walls.run >= 0) & target.reshape(-1)[np.maximum(cells, 0)]
+    ends: list[Floats] = []
     for number in np.unique(walls.run[ours]):
         members = np.flatnonzero(walls.run == number)
         if len(members) < _FEW or 2 * int(ours[members].sum()) < len(members):
@@ -53,7 +58,32 @@ def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settin
         for end, step in ((int(members[-1]), 1), (int(members[0]), -1)):
             guess = _beyond(scan, walls, points, ours, members, end, step, settings)
             if guess is not None:
+                ends.append(points[end])
                 yield guess
+    for end, step in _edges(scan, ours):
+        if all(np.hypot(*(points[end] - known)) > _SAME_END_M for known in ends):
+            yield _round_the_edge(scan, points, ours, end, step, settings)
+
+
+def openings(grid: Map, target: Bools) -> Bools:
+    """(SIZE, SIZE) unknown cells near the target that border on known free ones, from where they can be seen; none
+    round a contour that has closed. The last thing to look at before facade counts as all seen."""
+    away = cv2.distanceTransform((~target).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
+    beside_free = cv2.dilate((grid.state == FREE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    found: Bools = (grid.state == UNKNOWN) & beside_free & (away <= _NEAR_TARGET_M)
+    return found
+
+
+def expect_openings(grid: Map, target: Bools, settings: Settings) -> None:
+    """Draws, in place, the openings as expected facade that faces the free country beside it."""
+    found = patches(openings(grid, target) & (grid.attempts == 0), settings.min_patch_m)
+    rows, columns = np.nonzero(found)
+    if not len(rows):
+        return
+    free = cv2.GaussianBlur((grid.state == FREE).astype(np.float32), (7, 7), 2.0)
+    east, north = cv2.Sobel(free, cv2.CV_32F, 1, 0), cv2.Sobel(free, cv2.CV_32F, 0, 1)
+    grid.normal[rows, columns] = to_turns(np.stack((east[rows, columns], north[rows, columns]), axis=1))
+    grid.expected[rows, columns] = True
 
 
 def forget(grid: Map, target: Bools, pose: Pose) -> None:
@@ -133,6 +163,38 @@ def _beyond(
             return None
     corner = (start[0] + ahead[0] * CELL_M / 2, start[1] + ahead[1] * CELL_M / 2)
     return Guess(corner, (-face[0], -face[1]), ahead, hidden_m, _FREE_END_M)
+
+
+def _edges(scan: Scan, ours: Bools) -> list[tuple[int, int]]:
+    """The returns at which the target's outline ends before something farther or nothing, and the side it ends at."""
+    ranges = np.where(np.isnan(scan.range_m), 0.0, scan.range_m)
+    nearer = ranges[:-1] < ranges[1:]
+    left = np.flatnonzero(ours[1:] & ~ours[:-1] & ~nearer & (ranges[:-1] > 0)) + 1
+    right = np.flatnonzero(ours[:-1] & ~ours[1:] & nearer)
+    return [(int(i), 1) for i in right] + [(int(i), -1) for i in left]
+
+
+def _round_the_edge(scan: Scan, points: Floats, ours: Bools, end: int, step: int, settings: Settings) -> Guess:
+    """The hidden face behind an edge whose own run tells no normal: from the facade about it as a whole."""
+    at = points[end]
+    ray = at - (scan.pose.x, scan.pose.y)
+    ray = ray / np.hypot(*ray)
+    aside = step * np.array((ray[1], -ray[0]))
+    members = np.flatnonzero(ours)
+    members = members[np.hypot(*(points[members] - at).T) <= _OUTLINE_M]
+    about = points[members] - points[members].mean(axis=0)
+    along = np.linalg.eigh(about.T @ about)[1][:, 1] if len(members) > _FEW else aside
+    along = along if along @ aside > 0 else -along
+    normal = np.array((-along[1], along[0]))
+    normal = normal if normal @ ray < 0 else -normal
+    corner = at + along * CELL_M / 2
+    return Guess(
+        (float(corner[0]), float(corner[1])),
+        (float(-normal[0]), float(-normal[1])),
+        (float(along[0]), float(along[1])),
+        settings.hidden_face_m,
+        _FREE_END_M,
+    )
 
 
 def _window_inside(points: Floats, members: NDArray[np.intp], end: int, step: int, reach: float) -> int:
