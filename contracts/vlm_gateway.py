@@ -97,10 +97,13 @@ class Match(Wire):
 
 
 class FindObjectAnswer(Answer):
-    """`found` is null unless the outcome is `answered`; `matches` are the most confident first."""
+    """`found` is null unless the outcome is `answered`; `matches` are the most confident first. From
+    `claim_confidence` on a match may be claimed as it stands; one below is a candidate, worth another look from nearer.
+    Null: the model names only what it is sure of. `found` says that some match may be claimed."""
 
     found: bool | None = None
     matches: tuple[Match, ...] = Field(default=(), max_length=25)
+    claim_confidence: Unit | None = None
 
 
 class MarkedPoint(Wire):

@@ -1,8 +1,8 @@
 """Settings in, a wired app out. The only place that chooses the real parts."""
 
 import hashlib
+from collections.abc import Mapping
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from service_kit.client import ServiceClient
 from service_kit.metrics import HttpMetrics
 from service_kit.settings import BadSetting, Settings
+from services.vlm_gateway import embedded
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.chat import ChatBackend
@@ -29,12 +30,15 @@ from services.vlm_gateway.config import (
     chat_model,
     load_config,
 )
+from services.vlm_gateway.embedded.exported import FOLDER
 from services.vlm_gateway.gateway import Gateway
-from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.keys import Keys
+from services.vlm_gateway.metrics import GatewayMetrics, Price
 
 DEFAULT_PORT = 8102
 DEFAULT_CACHE_PATH = "~/.cache/logisticsvln/answers.sqlite"
 MEBIBYTE = 1024 * 1024
+SIMPLE = not embedded.trained()
 
 
 def build(settings: Settings) -> FastAPI:
@@ -44,7 +48,7 @@ def build(settings: Settings) -> FastAPI:
     config = load_config(Path(path) if path else None, oracle_allowed=sim_url is not None, noise=_noise(settings))
     where = path or "GATEWAY_CONFIG"
     http = HttpMetrics()
-    figures = GatewayMetrics(http.registry)
+    figures = GatewayMetrics(http.registry, _prices(config.models))
     # keys and cache before models: what is quick to find wrong is told quickly
     keys = {
         alias: api_key(alias, model, settings, where)
@@ -57,7 +61,17 @@ def build(settings: Settings) -> FastAPI:
         alias: _backend(alias, model, keys.get(alias), figures, sim, where) for alias, model in config.models.items()
     }
     gateway = Gateway(backends, config.roles, cache, figures)
-    return build_app(gateway, http, token=settings.text("GATEWAY_TOKEN"))
+    callers = Keys(config.keys, settings.text("GATEWAY_TOKEN"))
+    return build_app(gateway, http, keys=callers, log_share=settings.number("REQUEST_LOG_SHARE", 0.01, 0.0, 1.0))
+
+
+def _prices(models: Mapping[str, ModelConfig]) -> dict[str, Price]:
+    """Of the models that have one."""
+    return {
+        alias: Price(model.usd_per_million_prompt, model.usd_per_million_completion)
+        for alias, model in models.items()
+        if isinstance(model, ChatModelConfig) and model.usd_per_million_prompt + model.usd_per_million_completion > 0
+    }
 
 
 def _noise(settings: Settings) -> OracleNoise:
@@ -93,13 +107,20 @@ def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMe
 
 
 def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
-    # imported where it is needed: its tables take time and memory that a gateway without it should not spend
-    from services.vlm_gateway.backends.embedded import EmbeddedBackend
-    from services.vlm_gateway.embedded import EmbeddedModel
+    # imported where it is needed: ONNX Runtime takes time and memory that a gateway without it should not spend
+    from services.vlm_gateway.backends.embedded import EmbeddedBackend, PixelModel
 
     try:
-        pixel_model = EmbeddedModel()
-    except OSError as error:
+        pixel_model: PixelModel
+        if SIMPLE:
+            from services.vlm_gateway.embedded.simple import SimpleModel
+
+            pixel_model = SimpleModel()
+        else:
+            from services.vlm_gateway.embedded.model import EmbeddedModel
+
+            pixel_model = EmbeddedModel()
+    except (OSError, ValueError) as error:
         raise BadSetting(f"models.{alias}: the embedded model's data can't be read: {error}; reinstall it") from None
     return EmbeddedBackend(
         pixel_model,
@@ -114,10 +135,10 @@ def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
 def _embedded_revision() -> str:
     """A hash of the embedded model's code and data: whoever changes either is not answered out of an old cache."""
     digest = hashlib.sha256()
-    for path in sorted(files("services.vlm_gateway.embedded").iterdir(), key=lambda path: path.name):
-        if path.name.endswith((".py", ".npz", ".json")):
-            data = path.read_bytes()
-            digest.update(f"{path.name}:{len(data)}:".encode() + data)
+    folder = Path(embedded.__file__).parent
+    for path in sorted([*folder.glob("*.py"), *folder.glob("*.npz"), *folder.glob("*.json"), *FOLDER.glob("*.*")]):
+        data = path.read_bytes()
+        digest.update(f"{path.name}:{len(data)}:".encode() + data)
     return digest.hexdigest()
 
 

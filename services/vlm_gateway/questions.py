@@ -97,7 +97,10 @@ def _building_fields(content: Building | None) -> dict[str, object]:
 
 
 def _object_fields(content: Sightings | None) -> dict[str, object]:
-    return {} if content is None else {"found": bool(content.matches), "matches": content.matches}
+    if content is None:
+        return {}
+    found = any(match.confidence >= (content.claim or 0.0) for match in content.matches)
+    return {"found": found, "matches": content.matches, "claim_confidence": content.claim}
 
 
 def _direction_fields(content: Direction | None) -> dict[str, object]:

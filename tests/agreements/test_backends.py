@@ -27,11 +27,12 @@ from services.vlm_gateway.backends.embedded import EmbeddedBackend
 from services.vlm_gateway.backends.oracle import OracleBackend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from services.vlm_gateway.config import OracleModelConfig
-from services.vlm_gateway.embedded import EmbeddedModel
+from services.vlm_gateway.embedded.model import EmbeddedModel
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import chat_backend
 from tests.services.vlm_gateway.openai_mock import Behaviour, OpenAiMock, says
 from tests.services.vlm_gateway.small_sim import SmallSim
+from tests.services.vlm_gateway.tiny_networks import write_networks
 
 BOX = {"x_min": 0.1, "y_min": 0.1, "x_max": 0.4, "y_max": 0.5}
 
@@ -51,7 +52,7 @@ def facade() -> Picture:
 PICTURE = facade()
 FLOORS = FloorsAsk(PICTURE, "e1")
 BUILDING = BuildingAsk(PICTURE, "e1")
-OBJECT = ObjectAsk("green flower pot", tuple(AskedView(h, PICTURE) for h in VIEW_HEADINGS_DEG), "e1")
+OBJECT = ObjectAsk("green plate", tuple(AskedView(h, PICTURE) for h in VIEW_HEADINGS_DEG), "e1")
 LABELS = ("a", "b", "c")
 POINTS = tuple(
     MarkedPoint(label=label, x=x, y=0.5, distance_m=3.0) for label, x in zip(LABELS, (0.2, 0.5, 0.8), strict=True)
@@ -94,11 +95,13 @@ def by_schema() -> Behaviour:
 
 
 @pytest.fixture(params=["embedded", "chat", "oracle", "scripted"])
-async def backend(request: pytest.FixtureRequest, serve: Serve) -> AsyncIterator[Backend]:
+async def backend(request: pytest.FixtureRequest, serve: Serve, tmp_path: Path) -> AsyncIterator[Backend]:
     made: Backend
     mock: OpenAiMock | None = None
     if request.param == "embedded":
-        made = EmbeddedBackend(EmbeddedModel(), alias="m", concurrency=2, queue=64, timeout_s=60.0)
+        made = EmbeddedBackend(
+            EmbeddedModel(write_networks(tmp_path)), alias="m", concurrency=2, queue=64, timeout_s=60.0
+        )
     elif request.param == "chat":
         mock = OpenAiMock().start()
         mock.will(by_schema())

@@ -1,7 +1,7 @@
 """From where a task's pictures are taken: places and yaws, drawn from the task's seed and nothing else."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -9,7 +9,6 @@ from contracts.geometry import Pose
 from contracts.scene import Scene
 from contracts.scene_layout import facades, floor_outline, wall_height_m
 from vld.footprints import distance_to_outline
-from vld.records import Task
 from vld.shortest import goal_slot
 
 CLEAR_M = 2.5
@@ -18,6 +17,17 @@ BEFORE_GOAL_M = (3.5, 24.0)
 ASIDE_RAD = math.radians(65)
 YAW_JITTER = 0.25
 _DRAWS = 60
+
+
+class Searched(Protocol):
+    """A scene whose goal is looked for on one floor; a Task is one."""
+
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def floor(self) -> int: ...
+    @property
+    def floor_height_m(self) -> float: ...
 
 
 class Stop(NamedTuple):
@@ -29,7 +39,9 @@ class Stop(NamedTuple):
     yaw: float
 
 
-def before_goal(task: Task, count: int, rng: np.random.Generator) -> list[Stop]:
+def before_goal(
+    task: Searched, count: int, rng: np.random.Generator, range_m: tuple[float, float] = BEFORE_GOAL_M
+) -> list[Stop]:
     """Where the goal's window is in front: any distance and angle a mission meets it at, in any of the five views."""
     slot = goal_slot(task.scene)
     out = math.atan2(slot.normal[1], slot.normal[0])
@@ -38,7 +50,7 @@ def before_goal(task: Task, count: int, rng: np.random.Generator) -> list[Stop]:
         if len(stops) == count:
             break
         # as many near ones as far ones: the area grows with the distance, what a mission sees does not
-        away, turn = float(rng.uniform(*BEFORE_GOAL_M)), float(rng.uniform(-ASIDE_RAD, ASIDE_RAD))
+        away, turn = float(rng.uniform(*range_m)), float(rng.uniform(-ASIDE_RAD, ASIDE_RAD))
         x, y = slot.centre[0] + away * math.cos(out + turn), slot.centre[1] + away * math.sin(out + turn)
         if not is_clear(task.scene, x, y):
             continue
@@ -48,7 +60,7 @@ def before_goal(task: Task, count: int, rng: np.random.Generator) -> list[Stop]:
     return stops
 
 
-def on_lap(task: Task, count: int, rng: np.random.Generator) -> list[Stop]:
+def on_lap(task: Searched, count: int, rng: np.random.Generator) -> list[Stop]:
     """On the ring about the building at the goal's floor, the building on the right: a clockwise lap's stops."""
     building = task.scene.building(task.scene.target)
     walls = facades(building)
@@ -68,7 +80,7 @@ def on_lap(task: Task, count: int, rng: np.random.Generator) -> list[Stop]:
     return stops
 
 
-def before_start(task: Task, count: int, rng: np.random.Generator) -> list[Stop]:
+def before_start(task: Searched, count: int, rng: np.random.Generator) -> list[Stop]:
     """Squarely before the starting facade where the drone stands, at the middles of the bands of eq. 3, then anywhere
     up the wall."""
     start = task.scene.start

@@ -74,9 +74,11 @@ class Building(NamedTuple):
 
 
 class Sightings(NamedTuple):
-    """Empty where the object is not seen; else the most confident first."""
+    """Empty where the object is not seen; else the most confident first. `claim`: the confidence from which a match may
+    be claimed, None for a model that only names what it is sure of."""
 
     matches: tuple[Match, ...]
+    claim: float | None = None
 
 
 class Direction(NamedTuple):

@@ -1,9 +1,10 @@
 """The model that ships with the project, behind the port: pixels and text in, decoded and run off the event loop."""
 
 import asyncio
-from collections.abc import Callable, Sequence
+import hashlib
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
+from functools import cached_property, partial
 from typing import Protocol, TypeVar
 
 import cv2
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.geometry import PointLabel
-from contracts.vlm_gateway import MarkedPoint, Match
+from contracts.vlm_gateway import Match
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.backends.base import (
@@ -27,7 +28,8 @@ from services.vlm_gateway.backends.base import (
     Reply,
     Sightings,
 )
-from services.vlm_gateway.embedded import BoxSeen, FloorsSeen, OutOfVocabulary, Sighting
+from services.vlm_gateway.embedded.seen import BoxSeen, FloorsSeen, Found, MarkedPlace, Shot
+from services.vlm_gateway.embedded.words import OutOfVocabulary
 from services.vlm_gateway.errors import ModelTimeout
 
 T = TypeVar("T")
@@ -35,19 +37,34 @@ MAX_MATCHES = 25
 
 
 class PixelModel(Protocol):
-    """A model in this process, called from several threads at once; pictures are (H, W, 3) uint8 RGB."""
+    """A model in this process, called from several threads at once."""
 
     @property
     def version(self) -> str: ...
 
-    def count_floors(self, rgb: NDArray[np.uint8]) -> FloorsSeen: ...
+    def count_floors(self, shot: Shot) -> FloorsSeen: ...
 
-    def building_box(self, rgb: NDArray[np.uint8]) -> BoxSeen | None: ...
+    def building_box(self, shot: Shot) -> BoxSeen | None: ...
 
-    def find_object(self, views: Sequence[NDArray[np.uint8]], phrase: str) -> list[Sighting]:
+    def find_object(self, views: Sequence[Shot], phrase: str) -> Found:
         """Raises OutOfVocabulary."""
 
-    def choose_direction(self, rgb: NDArray[np.uint8], points: Sequence[MarkedPoint]) -> PointLabel: ...
+    def choose_direction(self, shot: Shot, points: Sequence[MarkedPlace]) -> PointLabel: ...
+
+
+class JpegShot:
+    """A picture as it came, decoded when a model wants its pixels; the file's hash is its key."""
+
+    def __init__(self, picture: Picture) -> None:
+        self._picture = picture
+
+    @cached_property
+    def key(self) -> Hashable:
+        return hashlib.blake2b(self._picture.jpeg, digest_size=16).digest()
+
+    def rgb(self) -> NDArray[np.uint8]:
+        """Raises BadQuestion."""
+        return pixels(self._picture)
 
 
 class EmbeddedBackend:
@@ -102,31 +119,27 @@ class EmbeddedBackend:
             raise ModelTimeout(message, details={"model": self._alias, "timeout_s": self._timeout_s}) from None
 
     def _count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
-        seen = self._model.count_floors(pixels(ask.picture))
+        seen = self._model.count_floors(JpegShot(ask.picture))
         return Reply("answered", Floors(seen.count, tuple(seen.rows)))
 
     def _find_building(self, ask: BuildingAsk) -> Reply[Building]:
-        seen = self._model.building_box(pixels(ask.picture))
+        seen = self._model.building_box(JpegShot(ask.picture))
         return Reply("answered", Building(None if seen is None else seen.box))
 
     def _find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         try:
-            seen = self._model.find_object([pixels(view.picture) for view in ask.views], ask.phrase)
+            found = self._model.find_object([JpegShot(view.picture) for view in ask.views], ask.phrase)
         except OutOfVocabulary as error:
             return Reply("refused", text=str(error))
-        best_first = sorted(seen, key=lambda sighting: -sighting.confidence)[:MAX_MATCHES]
-        return Reply(
-            "answered",
-            Sightings(
-                tuple(
-                    Match(heading_deg=ask.views[s.view_index].heading_deg, box=s.box, confidence=s.confidence)
-                    for s in best_first
-                )
-            ),
+        best_first = sorted(found.sightings, key=lambda sighting: -sighting.confidence)[:MAX_MATCHES]
+        matches = (
+            Match(heading_deg=ask.views[s.view_index].heading_deg, box=s.box, confidence=s.confidence)
+            for s in best_first
         )
+        return Reply("answered", Sightings(tuple(matches), found.claim))
 
     def _choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
-        return Reply("answered", Direction(self._model.choose_direction(pixels(ask.picture), ask.points)))
+        return Reply("answered", Direction(self._model.choose_direction(JpegShot(ask.picture), ask.points)))
 
 
 def pixels(picture: Picture) -> NDArray[np.uint8]:

@@ -15,7 +15,8 @@ from pathlib import Path
 from contracts.geometry import Box
 from contracts.sim import VisibleObject
 from services.vlm_gateway.embedded.fit import Shown, pictures
-from services.vlm_gateway.embedded.model import EmbeddedModel
+from services.vlm_gateway.embedded.seen import Still
+from services.vlm_gateway.embedded.simple import SimpleModel as EmbeddedModel
 
 NEAR_M = 10.0
 MIN_SHARE = 0.4
@@ -53,12 +54,12 @@ def measure(model: EmbeddedModel, shown: list[Shown]) -> dict[str, object]:
     for one in shown:
         rgb, truth = one.rgb, one.label.truth
         if one.label.frontal:
-            seen = model.count_floors(rgb)
+            seen = model.count_floors(Still(rgb))
             off = abs(seen.count - len(truth.floor_rows))
             counts["frontal"] += 1
             counts["floors exact"] += off == 0
             counts["floors within one"] += off <= 1
-            found = model.building_box(rgb)
+            found = model.building_box(Still(rgb))
             if truth.building_box is not None:
                 b = truth.building_box
                 mine = found.box if found else None
@@ -68,7 +69,7 @@ def measure(model: EmbeddedModel, shown: list[Shown]) -> dict[str, object]:
         if goal is None:
             continue
         started = time.process_time()
-        claims = model.find_object([rgb], f"{goal.colour} {phrases[goal.kind]}")
+        claims = model.find_object([Still(rgb)], f"{goal.colour} {phrases[goal.kind]}").sightings
         seconds += time.process_time() - started
         frames += 1
         alike = [o for o in truth.objects if (o.kind, o.colour) == (goal.kind, goal.colour)]

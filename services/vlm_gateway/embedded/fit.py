@@ -23,9 +23,9 @@ from contracts.sim import Catalogue, VisibleObject
 from services.vlm_gateway.embedded.bands import BANDS, column_bands, peaks, row_bands, small
 from services.vlm_gateway.embedded.colours import BINS, BITS, Patch, bin_index, coded, likeness, patches
 from services.vlm_gateway.embedded.describe import describe, width
-from services.vlm_gateway.embedded.model import FOLDER, ROW_APART, nominal
 from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
-from services.vlm_gateway.embedded.words import Vocabulary
+from services.vlm_gateway.embedded.simple import FOLDER, ROW_APART, nominal
+from services.vlm_gateway.embedded.simple_words import Vocabulary
 
 Floats = NDArray[np.float32]
 Picture = NDArray[np.uint8]

@@ -1,147 +1,215 @@
 """The embedded model: four questions answered from pixels and text alone.
 
-What it knows was counted and fitted from labelled pictures (`services.vlm_gateway.embedded.fit`) and lies beside this
-module: `weights.npz` and `vocabulary.json`.
+A picture goes through the proposer once and what stands there through the namer once; both are remembered, because
+the next question about the same picture differs in its words only.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from contracts.geometry import Box, PointLabel
-from services.vlm_gateway.embedded.bands import BANDS, column_bands, longest_run, peaks, row_bands, small
-from services.vlm_gateway.embedded.colours import Coded, Patch, coded, likeness, patches
-from services.vlm_gateway.embedded.describe import describe
-from services.vlm_gateway.embedded.perceptron import Perceptron, sigmoid, softmax
-from services.vlm_gateway.embedded.words import OutOfVocabulary, Vocabulary
+from services.vlm_gateway.embedded.crops import crop_squares, cut_crops, proposals, suppressed
+from services.vlm_gateway.embedded.exported import FOLDER, Exported
+from services.vlm_gateway.embedded.floors import box_of, rows_of
+from services.vlm_gateway.embedded.memory import Recent
+from services.vlm_gateway.embedded.network import Maps, Networks
+from services.vlm_gateway.embedded.seen import BoxSeen, FloorsSeen, Found, MarkedPlace, Picture, Shot, Sighting
+from services.vlm_gateway.embedded.words import Vocabulary, Wanted
 
-Picture = NDArray[np.uint8]
-FOLDER = Path(__file__).parent
-ROW_APART = 7
-BOX_LIKELY = 0.5
-NOMINAL_PX = 800
+Floats = NDArray[np.float32]
+REMEMBERED = 40
+"""Pictures: eight looks of five views, about a megabyte each look."""
+STEP_PX = 32
+SMALLEST_BOX = 0.002
+OVERLAP = 0.5
 WAY_FOR_WIDTH_M = 20.0
 """So many metres of way outweigh a whole picture's width towards the building."""
-
-__all__ = ["BoxSeen", "EmbeddedModel", "FloorsSeen", "OutOfVocabulary", "Sighting"]
-
-
-@dataclass(frozen=True)
-class FloorsSeen:
-    """`rows`: the middles of the window rows, 0..1 from the top, topmost first."""
-
-    count: int
-    rows: tuple[float, ...]
-    confidence: float
+CLEARLY = 0.15
 
 
-class BoxSeen(NamedTuple):
-    box: Box
-    confidence: float
+class Sheet(NamedTuple):
+    """A picture as the networks take it: `pixels` (H, W, 3), H and W multiples of STEP_PX, of which the upper left
+    `height` x `width` is the picture, the rest padding."""
+
+    pixels: Picture
+    height: int
+    width: int
 
 
-class Sighting(NamedTuple):
-    """`view_index` counts the views that were handed in from 0."""
+class Names(NamedTuple):
+    """What stands in the proposals: shares of kinds (P, C + 1) and of colours (P, K), and the tighter boxes (P, 4) in
+    pixels of the sheet."""
 
-    view_index: int
-    box: Box
-    confidence: float
+    kind: Floats
+    colour: Floats
+    boxes: Floats
 
 
-class MarkedPlace(Protocol):
-    """A marked point: at (x, y) of the picture's width and height, with the metres one may fly towards it."""
+class Seen(NamedTuple):
+    """One picture through the proposer (maps of (h, w), boxes (P, 4) in pixels of the sheet), and through the namer
+    where an object was asked for."""
 
-    @property
-    def label(self) -> PointLabel: ...
-    @property
-    def x(self) -> float: ...
-    @property
-    def distance_m(self) -> float: ...
+    height: int
+    width: int
+    building: Floats
+    row: Floats
+    boxes: Floats
+    names: Names | None
 
 
 class EmbeddedModel:
-    """Holds nothing but constants, so that threads may share it."""
+    """May be used from several threads at once."""
 
-    def __init__(self, folder: Path = FOLDER) -> None:
-        arrays = dict(np.load(folder / "weights.npz"))
-        self.version = str(arrays["version"])
-        self._vocabulary = Vocabulary.load(folder / "vocabulary.json")
-        self._rows = Perceptron.unpacked("rows", arrays)
-        self._columns = Perceptron.unpacked("columns", arrays)
-        self._classes = Perceptron.unpacked("classes", arrays)
-        self._tables: NDArray[np.uint8] = arrays["tables"]
-        self._sure = float(arrays["sure"])
-        self._row_likely = float(arrays["row_likely"])
+    def __init__(self, folder: Path = FOLDER, *, threads: int = 1, remembered: int = REMEMBERED) -> None:
+        """Raises OSError where the trained files are missing, ValueError where they aren't such files."""
+        self.exported = Exported.load(folder)
+        self.version = self.exported.version
+        self._networks = Networks(folder, threads=threads)
+        self._vocabulary = Vocabulary(self.exported.entries, self.exported.colours)
+        self._recent: Recent[Seen] = Recent(remembered)
 
-    def phrase_of(self, kind: str) -> str:
-        """What people call things of a class. Raises KeyError."""
-        return self._vocabulary.phrase_of[kind]
+    def count_floors(self, shot: Shot) -> FloorsSeen:
+        """The floors of the building ahead whose window row's middle lies in the picture."""
+        seen = self._seen([shot], named=False)[0]
+        stride = self.exported.stride
+        found = rows_of(seen.row, seen.building, likely=self.exported.row, inside=self.exported.building)
+        rows = tuple(r.at * stride / seen.height for r in found if r.at * stride < seen.height)
+        return FloorsSeen(len(rows), rows)
 
-    def count_floors(self, rgb: Picture) -> FloorsSeen:
-        """The floors of the building ahead whose window row's middle lies in the picture. rgb: (H, W, 3) uint8."""
-        heat = sigmoid(self._rows.logits(row_bands(small(rgb))))[:, 0]
-        found = peaks(heat, self._row_likely, ROW_APART)
-        confidence = float(min((heat[i] for i in found), default=1.0 - heat.max()))
-        return FloorsSeen(len(found), tuple((i + 0.5) / BANDS for i in found), confidence)
+    def building_box(self, shot: Shot) -> BoxSeen | None:
+        """Where the building ahead is, null where there is none."""
+        found = box_of(self._seen([shot], named=False)[0].building, inside=self.exported.building)
+        return None if found is None else BoxSeen(*found)
 
-    def building_box(self, rgb: Picture) -> BoxSeen | None:
-        """Where the building ahead is, null where there is none. rgb: (H, W, 3) uint8."""
-        picture = small(rgb)
-        down = sigmoid(self._rows.logits(row_bands(picture)))[:, 1]
-        across = sigmoid(self._columns.logits(column_bands(picture)))[:, 0]
-        rows, columns = longest_run(down > BOX_LIKELY), longest_run(across > BOX_LIKELY)
-        if rows is None or columns is None:
-            return None
-        box = Box(x_min=columns[0] / BANDS, y_min=rows[0] / BANDS, x_max=columns[1] / BANDS, y_max=rows[1] / BANDS)
-        return BoxSeen(box, float(min(down[rows[0] : rows[1]].mean(), across[columns[0] : columns[1]].mean())))
-
-    def find_object(self, views: Sequence[Picture], phrase: str) -> list[Sighting]:
-        """Where the thing of that name is seen, the most confident first; empty where it is not.
-
-        views: (H, W, 3) uint8 each. Raises OutOfVocabulary for a phrase that names nothing known.
-        """
+    def find_object(self, views: Sequence[Shot], phrase: str) -> Found:
+        """Where the thing of that name is seen: all that is worth another look. Raises OutOfVocabulary for a phrase
+        that names nothing the model was trained on."""
         wanted = self._vocabulary.wanted(phrase)
-        kinds = [self._vocabulary.kinds.index(k) for k in wanted.kinds]
-        possible = dict.fromkeys(c for k in wanted.kinds for c in self._vocabulary.colours_of[k])
-        colours = [wanted.colour] if wanted.colour else list(possible)
-        seen: list[Sighting] = []
-        for i, rgb in enumerate(views):
-            picture = nominal(rgb)
-            code = coded(picture)
-            for colour in colours:
-                seen += self._look(i, picture, code, colour, kinds)
-        return sorted(seen, key=lambda s: -s.confidence)
-
-    def choose_direction(self, rgb: Picture, points: Sequence[MarkedPlace]) -> PointLabel:
-        """Round a building on the right: far to the right, so that the way hugs the facade and turns with its corner,
-        but not at the price of a short way. The distances that are asked with the points decide; the picture is that
-        of the view which looks along the facade already."""
-        return max(points, key=lambda p: p.distance_m / WAY_FOR_WIDTH_M + p.x).label
-
-    def _look(self, view: int, picture: Picture, code: Coded, colour: str, kinds: list[int]) -> list[Sighting]:
-        number = self._vocabulary.colours.index(colour)
-        like = likeness(code, self._tables[number])
-        found = patches(like)
-        rows = describe(picture, like, found, number, len(self._vocabulary.colours))
-        scores = softmax(self._classes.logits(rows))[:, kinds].sum(axis=1)
-        return [
-            Sighting(view, _box(p, picture.shape[0]), float(s))
-            for p, s in zip(found, scores, strict=True)
-            if s >= self._sure
+        sightings = [
+            sighting
+            for index, seen in enumerate(self._seen(views, named=True))
+            for sighting in self._sightings(index, seen, wanted)
         ]
+        return Found(tuple(sorted(sightings, key=lambda s: -s.confidence)), self.exported.claim)
+
+    def choose_direction(self, shot: Shot, points: Sequence[MarkedPlace]) -> PointLabel:
+        """Round a building: far to its side of the picture, so that the way hugs the facade and turns with its corner,
+        but not at the price of a short way. Where the picture doesn't say which side that is, it is the right."""
+        building = self._seen([shot], named=False)[0].building
+        half = building.shape[1] // 2
+        mirrored = float(building[:, :half].mean() - building[:, half:].mean()) > CLEARLY
+        return max(points, key=lambda p: p.distance_m / WAY_FOR_WIDTH_M + (1 - p.x if mirrored else p.x)).label
+
+    def _seen(self, shots: Sequence[Shot], *, named: bool) -> list[Seen]:
+        """Each picture through what it has not been through yet, all of them in one batch."""
+        known = {shot.key: self._recent.get(shot.key) for shot in shots}
+        fresh = {shot.key: shot for shot in shots if (s := known[shot.key]) is None or (named and s.names is None)}
+        sheets = {key: sheet(shot.rgb(), self.exported.picture_px) for key, shot in fresh.items()}
+        unseen = [key for key in fresh if known[key] is None]
+        for shape in {sheets[key].pixels.shape for key in unseen}:
+            alike = [key for key in unseen if sheets[key].pixels.shape == shape]
+            maps = self._networks.propose(np.stack([sheets[key].pixels for key in alike]))
+            for at, key in enumerate(alike):
+                known[key] = self._proposed(sheets[key], maps, at)
+        seen = {key: value for key, value in known.items() if value is not None}
+        if named and fresh:
+            names = self._names([(sheets[key].pixels, seen[key].boxes) for key in fresh])
+            seen |= {key: seen[key]._replace(names=n) for key, n in zip(fresh, names, strict=True)}
+        for key in fresh:
+            self._recent.put(key, seen[key])
+        return [seen[shot.key] for shot in shots]
+
+    def _proposed(self, picture: Sheet, maps: Maps, at: int) -> Seen:
+        say = self.exported.proposing
+        stride = self.exported.stride
+        boxes, _ = proposals(
+            maps.objectness[at],
+            maps.box[at],
+            stride=stride,
+            threshold=say.threshold,
+            overlap=say.overlap,
+            limit=say.limit,
+        )
+        down, across = -(-picture.height // stride), -(-picture.width // stride)
+        building, row = maps.building[at, :down, :across].copy(), maps.row[at, :down, :across].copy()
+        return Seen(picture.height, picture.width, building, row, boxes, None)
+
+    def _names(self, pictures: Sequence[tuple[Picture, Floats]]) -> list[Names]:
+        """All crops of all pictures in one batch."""
+        exported = self.exported
+        squares = [crop_squares(b, context=exported.crop_context, min_px=exported.crop_min_px) for _, b in pictures]
+        crops = [cut_crops(rgb, s, exported.crop_px) for (rgb, _), s in zip(pictures, squares, strict=True)]
+        whole = np.concatenate(crops)
+        if not len(whole):
+            none = np.zeros((0, len(exported.kinds) + 1), np.float32)
+            return [Names(none, np.zeros((0, len(exported.colours)), np.float32), b) for _, b in pictures]
+        said = self._networks.name(whole)
+        kind, colour = softmax(said.kind), softmax(said.colour)
+        names = []
+        first = 0
+        for (_, boxes), cut in zip(pictures, squares, strict=True):
+            part = slice(first, first + len(cut))
+            names.append(Names(kind[part], colour[part], tightened(boxes, cut, said.box[part])))
+            first += len(cut)
+        return names
+
+    def _sightings(self, view: int, seen: Seen, wanted: Wanted) -> list[Sighting]:
+        if seen.names is None:
+            return []
+        exported = self.exported
+        score = seen.names.kind[:, [exported.kinds.index(k) for k in wanted.kinds]].sum(axis=1)
+        if wanted.colour is not None:
+            score = score * seen.names.colour[:, exported.colours.index(wanted.colour)]
+        order = np.argsort(-score, kind="stable")
+        kept = [int(order[i]) for i in suppressed(seen.names.boxes[order], OVERLAP, len(order))]
+        sightings = []
+        for i in kept:
+            confidence = exported.confidence_of(float(score[i]))
+            box = _shared(seen.names.boxes[i], seen)
+            if confidence >= exported.candidate and box is not None:
+                sightings.append(Sighting(view, box, confidence))
+        return sightings
 
 
-def nominal(rgb: Picture) -> Picture:
-    """The picture at the size at which patches were learnt."""
-    if rgb.shape[:2] == (NOMINAL_PX, NOMINAL_PX):
-        return rgb
-    return np.asarray(cv2.resize(rgb, (NOMINAL_PX, NOMINAL_PX), interpolation=cv2.INTER_LINEAR), np.uint8)
+def sheet(rgb: Picture, side_px: int) -> Sheet:
+    """The picture with its longer side brought to `side_px`, padded by repeating its border."""
+    height, width = rgb.shape[:2]
+    if max(height, width) != side_px:
+        scale = side_px / max(height, width)
+        height, width = max(1, round(height * scale)), max(1, round(width * scale))
+        how = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+        rgb = np.asarray(cv2.resize(rgb, (width, height), interpolation=how), np.uint8)
+    down, across = -height % STEP_PX, -width % STEP_PX
+    if down or across:
+        rgb = np.asarray(cv2.copyMakeBorder(rgb, 0, down, 0, across, cv2.BORDER_REPLICATE), np.uint8)
+    return Sheet(rgb, height, width)
 
 
-def _box(p: Patch, side: int) -> Box:
-    return Box(x_min=p.x / side, y_min=p.y / side, x_max=(p.x + p.width) / side, y_max=(p.y + p.height) / side)
+def softmax(logits: Floats) -> Floats:
+    """(N, C) rows that sum to one."""
+    raised = np.exp(logits - logits.max(axis=1, keepdims=True))
+    return np.asarray(raised / raised.sum(axis=1, keepdims=True), np.float32)
+
+
+def tightened(boxes: Floats, squares: Floats, inner: Floats) -> Floats:
+    """(P, 4) pixels: the namer's boxes, given in 0..1 of their crops, in the picture; the proposal's own where the
+    namer's has no size."""
+    side = squares[:, 2:3]
+    corner = squares[:, :2] - side / 2
+    tight = np.concatenate([corner + inner[:, :2] * side, corner + inner[:, 2:] * side], axis=1)
+    whole = (tight[:, 2] - tight[:, 0] >= 2.0) & (tight[:, 3] - tight[:, 1] >= 2.0)
+    return np.where(whole[:, None], tight, boxes).astype(np.float32)
+
+
+def _shared(box: Floats, seen: Seen) -> Box | None:
+    """Pixels to shares of the picture, clipped; null where nothing of it is left."""
+    edges = box / np.array([seen.width, seen.height, seen.width, seen.height], np.float32)
+    x_min, y_min, x_max, y_max = (float(min(1.0, max(0.0, e))) for e in edges)
+    if x_max - x_min < SMALLEST_BOX or y_max - y_min < SMALLEST_BOX:
+        return None
+    return Box(x_min=x_min, y_min=y_min, x_max=x_max, y_max=y_max)

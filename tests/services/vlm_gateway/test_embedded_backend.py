@@ -10,20 +10,18 @@ import cv2
 import httpx
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from contracts.geometry import Box, PointLabel
-from contracts.vlm_gateway import MarkedPoint
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, FloorsAsk, ObjectAsk, Picture
-from services.vlm_gateway.backends.embedded import EmbeddedBackend
-from services.vlm_gateway.embedded import BoxSeen, FloorsSeen, OutOfVocabulary, Sighting
+from services.vlm_gateway.backends.embedded import EmbeddedBackend, JpegShot
+from services.vlm_gateway.embedded.seen import BoxSeen, FloorsSeen, Found, MarkedPlace, Shot, Sighting
+from services.vlm_gateway.embedded.words import OutOfVocabulary
 from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout
 from tests.conftest import Serve
-from tests.services.vlm_gateway.kit import build, find_body, picture, post
+from tests.services.vlm_gateway.kit import build, find_body, picture, picture_base64, post
 
 BOX = Box(x_min=0.1, y_min=0.1, x_max=0.2, y_max=0.3)
-RGB = NDArray[np.uint8]
 
 
 class SmallModel:
@@ -35,19 +33,20 @@ class SmallModel:
         self.free = threading.Event()
         self.free.set()
 
-    def count_floors(self, rgb: RGB) -> FloorsSeen:
+    def count_floors(self, shot: Shot) -> FloorsSeen:
         self.free.wait(30)
-        return FloorsSeen(int(rgb[..., 0].mean()) // 50, (), 1.0)
+        return FloorsSeen(int(shot.rgb()[..., 0].mean()) // 50, ())
 
-    def building_box(self, rgb: RGB) -> BoxSeen | None:
-        return BoxSeen(BOX, 0.9) if rgb.mean() > 50 else None
+    def building_box(self, shot: Shot) -> BoxSeen | None:
+        return BoxSeen(BOX, 0.9) if shot.rgb().mean() > 50 else None
 
-    def find_object(self, views: Sequence[RGB], phrase: str) -> list[Sighting]:
+    def find_object(self, views: Sequence[Shot], phrase: str) -> Found:
         if "pot" not in phrase:
             raise OutOfVocabulary(phrase)
-        return [Sighting(i, BOX, float(rgb.mean()) / 255) for i, rgb in enumerate(views) if rgb.mean() > 50]
+        shades = [float(shot.rgb().mean()) / 255 for shot in views]
+        return Found(tuple(Sighting(i, BOX, shade) for i, shade in enumerate(shades) if shade > 0.2), claim=0.9)
 
-    def choose_direction(self, rgb: RGB, points: Sequence[MarkedPoint]) -> PointLabel:
+    def choose_direction(self, shot: Shot, points: Sequence[MarkedPlace]) -> PointLabel:
         return points[-1].label
 
 
@@ -100,6 +99,24 @@ async def test_sightings_name_their_view_by_heading_the_surest_first(make: Make)
     reply = await make().find_object(ObjectAsk("green pot", views, None))
     assert reply.content is not None
     assert [match.heading_deg for match in reply.content.matches] == [45, -90]
+
+
+async def test_what_is_less_sure_than_a_claim_comes_as_a_candidate_and_is_not_found(make: Make, serve: Serve) -> None:
+    url = serve(build({"e": make()}).app)
+    answers = []
+    for shade in (200, 250):
+        body = find_body((0,)) | {"views": [{"heading_deg": 0, "image": {"jpeg_base64": picture_base64(shade=shade)}}]}
+        answers.append(post(url, "/v1/find-object", body).json())
+    assert [(a["found"], len(a["matches"]), a["claim_confidence"]) for a in answers] == [
+        (False, 1, 0.9),
+        (True, 1, 0.9),
+    ]
+
+
+async def test_a_picture_s_key_is_its_file_s(make: Make) -> None:
+    keys = [JpegShot(shaded(red)).key for red in (10, 10, 20)]
+    assert keys[0] == keys[1]
+    assert keys[0] != keys[2]
 
 
 async def test_a_thing_it_has_no_word_for_is_refused_and_not_denied(make: Make) -> None:
