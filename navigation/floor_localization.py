@@ -17,11 +17,13 @@ Reading = Literal["upper_edge", "camera_height"]
 
 class Settings(NamedTuple):
     """Free constants. `window_below_floors`: how far the window lies below its floor's upper edge, in floors.
-    `min_height_m`: no height below this is flown to."""
+    `min_height_m`: no height below this is flown to. `row_trust_floors`: how far eq. 3 may lie from the window row
+    that was seen, in floors."""
 
     reading: Reading = "upper_edge"
     window_below_floors: float = 0.5
     min_height_m: float = 1.0
+    row_trust_floors: float = 0.2
 
 
 class Band(NamedTuple):
@@ -31,6 +33,16 @@ class Band(NamedTuple):
     lower_m: float
     upper_m: float
     camera_m: float
+
+
+class WindowRows(NamedTuple):
+    """Where a picture shows its floors' windows: `rows`, 0..1 of the height from the top, topmost first, on a facade
+    `stand_off_m` away, seen by a camera at `camera_m` above ground with `vertical_fov_rad`."""
+
+    rows: tuple[float, ...]
+    camera_m: float
+    stand_off_m: float
+    vertical_fov_rad: float
 
 
 class Climb(NamedTuple):
@@ -115,6 +127,23 @@ def decide(
         guess = None if floor_height is None else facade_top_m - settings.window_below_floors * floor_height
         return FloorNotFound(current, facade_top_m, guess)
     return Climb(band(here.number + 1, here.upper_m - here.lower_m), current)
+
+
+def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings: Settings) -> FinalHeight:
+    """Eq. 3's height held against the window row of the wanted floor, where the model says where it saw its floors.
+
+    Eq. 3 stretches the floors over everything upright: the gable above the topmost floor counts as a part of it. A
+    window row that lies more than `row_trust_floors` of the rows' own spacing away from eq. 3's height is believed
+    instead. Unchanged where the rows are not the counted floors or too few to tell a floor's height from.
+    """
+    at = round(final.floors_counted) - target_floor  # rows begin at the topmost floor of this picture
+    if settings.reading != "upper_edge" or len(seen.rows) < 2 or not 0 <= at < len(seen.rows):
+        return final
+    heights = [row_height_m(row, seen.camera_m, seen.stand_off_m, seen.vertical_fov_rad) for row in seen.rows]
+    floor_height = (heights[0] - heights[-1]) / (len(heights) - 1)
+    if floor_height <= 0.0 or abs(heights[at] - final.height_m) <= settings.row_trust_floors * floor_height:
+        return final
+    return FinalHeight(max(settings.min_height_m, heights[at]), floor_height, final.floors_counted)
 
 
 def _final(

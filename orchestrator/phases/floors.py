@@ -19,8 +19,10 @@ from navigation.floor_localization import (
     FloorNotFound,
     Recount,
     Settings,
+    WindowRows,
     band,
     band_span_m,
+    corrected,
     decide,
     direct_count,
 )
@@ -79,6 +81,8 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
         sight = await _hold(sortie, sight, stand_off, top)
         count = await _count(sortie, sight)
         decision = decide(here, counted, count.floors, sortie.floor or 1, top, _eq3(sortie))
+        if isinstance(decision, FinalHeight):
+            decision = _held_against_rows(sortie, decision, sight, count, stand_off)
         _report(sortie, sight, count, here, top, decision)
         match decision:
             case FinalHeight():
@@ -96,6 +100,15 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
             case FloorNotFound():
                 raise _not_there(sortie, decision)
     raise MissionEnd("floor_not_found", f"floor {sortie.floor} is not within {sortie.settings.max_bands} bands")
+
+
+def _held_against_rows(sortie: Sortie, final: FinalHeight, sight: Sight, count: Count, stand_off: float) -> FinalHeight:
+    """Where the model says at which heights of the picture it saw its floors, they have the last word."""
+    if count.answer.rows is None or len(count.answer.rows) != count.floors:
+        return final
+    now = facade.stand_off_m(sight.depth_m, FACADE) or stand_off
+    seen = WindowRows(count.answer.rows, sight.pose.z, now, VERTICAL_FOV_RAD)
+    return corrected(final, sortie.floor or 1, seen, _eq3(sortie))
 
 
 async def _direct(sortie: Sortie, stand_off: float) -> FinalHeight:

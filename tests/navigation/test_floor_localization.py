@@ -13,8 +13,10 @@ from navigation.floor_localization import (
     FloorNotFound,
     Recount,
     Settings,
+    WindowRows,
     band,
     band_span_m,
+    corrected,
     decide,
     direct_count,
     row_height_m,
@@ -175,3 +177,28 @@ def test_rows_become_heights_on_an_upright_facade() -> None:
     assert row_height_m(0.5, 9.0, 9.0, math.pi / 2) == 9.0
     assert row_height_m(0.0, 9.0, 9.0, math.pi / 2) == pytest.approx(18.0)
     assert row_height_m(0.75, 9.0, 8.0, math.pi / 2) == pytest.approx(5.0)
+
+
+def test_a_gable_over_the_topmost_floor_does_not_lift_the_height_above_its_windows() -> None:
+    """Three floors of 3 m under a gable that ends at 12.5 m: eq. 3 says 10.4 m, the windows are seen at 7.5 m."""
+    final = decide(band(1, 18.0), 0, 3, 3, 12.5, UPPER)
+    assert isinstance(final, FinalHeight)
+    assert final.height_m == pytest.approx(10.417, abs=0.001)
+    rows = tuple(0.5 + (9.0 - z) / 18.0 for z in (7.5, 4.5, 1.5))
+    held = corrected(final, 3, WindowRows(rows, 9.0, 9.0, math.pi / 2), UPPER)
+    assert held == FinalHeight(pytest.approx(7.5), pytest.approx(3.0), 3)
+
+
+@pytest.mark.parametrize(
+    ("rows", "target"),
+    [((0.3, 0.45, 0.6), 5), ((0.4,), 3), ((), 3), ((0.60, 0.76, 0.91), 3)],
+    ids=["floor not in the picture", "one row", "no rows", "rows that agree"],
+)
+def test_rows_that_tell_nothing_new_leave_eq3_alone(rows: tuple[float, ...], target: int) -> None:
+    final = FinalHeight(7.4, 3.0, 3)
+    assert corrected(final, target, WindowRows(rows, 9.0, 9.0, math.pi / 2), UPPER) == final
+
+
+def test_the_literal_reading_is_never_corrected() -> None:
+    final = FinalHeight(12.0, 3.0, 3)
+    assert corrected(final, 3, WindowRows((0.3, 0.5, 0.7), 9.0, 9.0, math.pi / 2), CAMERA) == final
