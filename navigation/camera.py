@@ -10,6 +10,7 @@ View headings and bearings are in degrees, positive to the right. Depth is along
 All cameras sit in the drone's centre with a level optical axis.
 """
 
+import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -125,14 +126,19 @@ def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
     kept = np.isfinite(view.depth_m)
     if mask is not None:
         kept &= mask
-    at = np.flatnonzero(kept)  # several times faster than nonzero of two axes
-    rows, columns = np.divmod(at, width)
+    at = np.flatnonzero(kept)  # several times faster than nonzero of two axes, as whole division is than divmod
+    rows = at // width
+    columns = at - rows * width
     depth = view.depth_m.ravel()[at]
     across = depth * column_slopes(camera)[columns]
     up = depth * row_slopes(camera)[rows]
     angle = math.radians(view.heading_deg)
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
-    return np.stack((depth * cos - across * sin, depth * sin + across * cos, up), axis=1)
+    points = np.empty((len(at), 3), np.float32)
+    np.subtract(depth * cos, across * sin, out=points[:, 0])
+    np.add(depth * sin, across * cos, out=points[:, 1])
+    points[:, 2] = up
+    return points
 
 
 def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m: float) -> Points:
@@ -151,30 +157,26 @@ def nearest_of_blocks(view: DepthView, block: int = 4) -> NDArray[np.bool_]:
     """(H, W) mask of the nearest return of every `block` x `block` pixels: a thin cloud that keeps thin things."""
     height, width = view.depth_m.shape
     down, across = -(-height // block), -(-width // block)
-    padded = np.full((down * block, across * block), np.inf, np.float32)
-    padded[:height, :width] = view.depth_m
-    # first over the rows of each block, which lie together in memory, then over the few columns that are left
-    nearest, row = _nearest([padded[i::block] for i in range(block)])
-    nearest, column = _nearest([nearest[:, j::block] for j in range(block)])
-    row = row.reshape(down, across, block)[np.arange(down)[:, None], np.arange(across), column]
-    found = np.isfinite(nearest)
+    # a depth and its place in the block as one whole number, so that the least of a block knows where it was: the bits
+    # of floats sort as the floats do, what is infinite or invalid last, and the place fits into the few least of them
+    infinite = np.float32(np.inf).view(np.uint32)
+    spare = np.uint32((1 << (block * block - 1).bit_length()) - 1)
+    keys = np.full((down * block, across * block), infinite)
+    bits = np.ascontiguousarray(view.depth_m, np.float32).view(np.uint32)
+    place = np.arange(block, dtype=np.uint32)[:, None] + block * (np.arange(width, dtype=np.uint32) % block)
+    np.bitwise_and(bits, ~spare, out=keys[:height, :width])
+    for i in range(block):
+        keys[i:height:block, :width] |= place[i]
+    rows = functools.reduce(np.minimum, [keys[i::block] for i in range(block)])
+    least = functools.reduce(np.minimum, [rows[:, j::block] for j in range(block)])
+    found = least < infinite
+    at = least & spare
     mask = np.zeros((height, width), bool)
     mask[
-        (np.arange(down)[:, None] * block + row)[found],
-        (np.arange(across) * block + column)[found],
+        (np.arange(down)[:, None] * block + at % block)[found],
+        (np.arange(across) * block + at // block)[found],
     ] = True
     return mask
-
-
-def _nearest(candidates: Sequence[Depth]) -> tuple[Depth, NDArray[np.intp]]:
-    """Element by element the least of arrays of one shape, and which array it is from; never an invalid one."""
-    least = np.full(candidates[0].shape, np.inf, np.float32)
-    which = np.zeros(least.shape, np.intp)
-    for k, candidate in enumerate(candidates):
-        nearer = candidate < least
-        np.copyto(least, candidate, where=nearer)
-        np.copyto(which, k, where=nearer)
-    return least, which
 
 
 def to_enu(points: Points, pose: Pose) -> Points:

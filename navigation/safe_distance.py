@@ -60,6 +60,8 @@ def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Setti
     if settings.variant == "corridor":
         points = nearby_cloud((view, *others), reach, settings.drone_radius_m + settings.clearance_m)
         radius = body_radius_m(points, settings)
+        # one axis after the other in memory: five corridors run over each of them several times
+        points = np.asfortranarray(points)
     marked = []
     for k, label in enumerate(LABELS, start=1):
         x_px = width * k / 6.0
@@ -93,9 +95,10 @@ def corridor(points: Points, bearing_right_deg: float, radius: float, l_max_m: f
     """
     angle = math.radians(bearing_right_deg)
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
-    along = points[:, 0] * cos + points[:, 1] * sin
-    across = points[:, 1] * cos - points[:, 0] * sin
-    aside_squared = across * across + points[:, 2] * points[:, 2]
+    x, y, z = points.T
+    along = x * cos + y * sin
+    across = y * cos - x * sin
+    aside_squared = across * across + z * z
     hit = (along > 0.0) & (aside_squared < radius * radius)
     if not hit.any():
         return Corridor(l_max_m, None, radius)

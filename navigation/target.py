@@ -108,8 +108,9 @@ def facade_normal(
         return towards_drone, 0.0
     centre = ground_plan.mean(axis=0, dtype=np.float64)
     points = ground_plan.astype(np.float64) - centre
-    order = np.argsort(points @ np.array([-towards_drone[1], towards_drone[0]]))  # across the line of sight
-    anchors = points[order[np.linspace(0, len(order) - 1, 40).round().astype(np.intp)]]
+    across = points @ np.array([-towards_drone[1], towards_drone[0]])  # the line of sight
+    ranks = np.linspace(0, len(points) - 1, 40).round().astype(np.intp)
+    anchors = points[np.argpartition(across, np.unique(ranks))[ranks]]
     sample = points[:: max(1, len(points) // 1024)]
     i, j = np.triu_indices(len(anchors), 8)  # neighbours are too close to tell a direction
     leg = anchors[j] - anchors[i]
@@ -119,7 +120,9 @@ def facade_normal(
         return towards_drone, 0.0
     normals = np.stack((-leg[kept, 1], leg[kept, 0]), axis=1) / length[kept, None]
     offsets = (anchors[i][kept] * normals).sum(axis=1)
-    inliers = (np.abs(sample @ normals.T - offsets) < settings.plane_tolerance_m).sum(axis=0)
+    gaps = sample @ normals.T
+    gaps -= offsets
+    inliers = np.count_nonzero(np.abs(gaps, out=gaps) < settings.plane_tolerance_m, axis=0)
     # an upright wall seen from outside never stands edge-on to the line of sight
     inliers = np.where(np.abs(normals @ np.array(towards_drone)) > 0.17, inliers, 0)
     best = int(inliers.argmax())
