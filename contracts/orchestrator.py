@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from contracts.base import Metres, Name, Wire
+from contracts.base import Metres, Name, Unit, Wire
 from contracts.depth_assist import ApproachSettings, ExploreSettings, SafeDistanceSettings, ViewpointSettings
 from contracts.geometry import Pose
 from contracts.scene import Scene
@@ -31,6 +31,21 @@ Positive = Annotated[float, Field(gt=0.0, le=1_000.0)]
 MAX_LATENCIES = 1000
 
 
+class SightingSettings(Wire):
+    """When a sighting is believed. With `look-again` it is a candidate: the drone flies nearer and asks again; what is
+    seen a second time, one of both times surely enough, is claimed, anything else dropped, and the search goes on. With
+    `claim-at-first-sight`, the paper's way, the first sighting that may be claimed is flown to and claimed.
+
+    `claim_confidence`: from which a sighting may be claimed; null: what the model says of itself, or any that it
+    names. `candidate_confidence`: from which one is worth a nearer look. `sure_confidence`: from which one made from
+    near needs no second look. Every look counts as a step."""
+
+    policy: Literal["look-again", "claim-at-first-sight"] = "look-again"
+    claim_confidence: Unit | None = None
+    candidate_confidence: Unit = 0.3
+    sure_confidence: Unit = 0.9
+
+
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role."""
 
@@ -41,6 +56,7 @@ class MissionSettings(Wire):
     safe_distances: SafeDistanceSettings = SafeDistanceSettings()
     explore: ExploreSettings = ExploreSettings()
     approach: ApproachSettings = ApproachSettings(stop_distance_m=1.5)
+    sightings: SightingSettings = SightingSettings()
     flight: Flight = Flight()
     parser_model: Name | None = None
     vision_model: Name | None = None

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from contracts.depth_assist import ViewpointSettings
-from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, SightingSettings
 from contracts.scene import Scene
 from orchestrator import sample_library
 from orchestrator.clients import Addresses, Services
@@ -61,6 +61,10 @@ def deliver(
     ] = "paper",
     choice: Annotated[Literal["model", "centre"], typer.Option(help="Ablation.")] = "model",
     floors: Annotated[Literal["stepwise", "direct-count"], typer.Option(help="Ablation.")] = "stepwise",
+    sightings: Annotated[
+        Literal["look-again", "claim-at-first-sight"],
+        typer.Option(help="Look at a sighting from nearer before it is claimed, or claim it as the paper does."),
+    ] = "look-again",
     parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,
     max_steps: Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")] = 30,
     image_size: Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")] = 800,
@@ -76,6 +80,7 @@ def deliver(
         floors=floors,
         choice=choice,
         viewpoint=ViewpointSettings(policy=viewpoint),
+        sightings=SightingSettings(policy=sightings),
         parser_model=parser,
         max_exploration_steps=max_steps,
         image_size=image_size,

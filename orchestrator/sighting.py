@@ -43,8 +43,11 @@ class Dismissed(NamedTuple):
     place: Point3
     seen_from: WirePose
 
-    def holds(self, place: Point3, pose: WirePose) -> bool:
-        """Is that the same thing seen from the same side? From another side it may look like what was asked for."""
+    def holds(self, place: Point3, pose: WirePose, *, claimable: bool) -> bool:
+        """Is that the same thing, and not worth another look? From another side it may look like what was asked for,
+        but only a sighting that could be claimed as it stands is followed there."""
+        if not claimable:
+            return distance_m(place, self.place) < SAME_PLACE_M
         before = math.atan2(self.seen_from.y - self.place.y, self.seen_from.x - self.place.x)
         now = math.atan2(pose.y - self.place.y, pose.x - self.place.x)
         turned = abs(math.remainder(now - before, math.tau))

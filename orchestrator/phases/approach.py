@@ -13,9 +13,9 @@ MAX_LEGS = 8
 LOOK_AGAIN_M = 5.0
 LONGEST_LEG_M = 8.0
 SAME_THING_M = 2.0
-SURE = 0.9
-"""A sighting from near with at least this confidence stands even where the second look says nothing."""
 NEAR_ENOUGH_M = 0.8
+STILL_NEAR_M = 1.3
+"""So much farther than the stop a claim is still worth making where there is no way nearer."""
 TIGHT_CLEARANCE_M = 0.25
 
 
@@ -49,24 +49,29 @@ async def approach(exploration: Exploration, found: Found) -> Arrived | Lost:
 async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Arrived | Lost:
     sortie = exploration.sortie
     settings = sortie.settings.approach
-    confirmed, tight = False, False
-    if distance_m(found.look.pose, found.place) <= LOOK_AGAIN_M + 1.0:
+    # at first sight means: looks on the way tell better where it is, but not whether
+    confirmed, tight = not exploration.looks_again, False
+    claimable = found.claimable
+    if not confirmed and distance_m(found.look.pose, found.place) <= LOOK_AGAIN_M + 1.0:
         # near already: one leg would end too close to look again, so the second look is from here, face to face
         pose = found.look.pose
         towards = math.atan2(found.place.y - pose.y, found.place.x - pose.x)
         await sortie.fly((), towards, "turn to what was seen")
-        again = await exploration.search(await sortie.look(), "face to face", near=found.place)
-        if again is not None and distance_m(again.place, found.place) <= SAME_THING_M:
-            found = again
-        elif found.sighting.match.confidence < SURE:
+        again = await _again(exploration, await sortie.look(), found, "face to face")
+        sure = found.claimable and found.sighting.match.confidence >= sortie.settings.sightings.sure_confidence
+        if again is None and not sure:
             return Lost(found.place, "not seen again face to face")
+        found = again or found
+        claimable = claimable or found.claimable
+        if not claimable:
+            return Lost(found.place, f"only {found.sighting.match.confidence:.2f} sure face to face")
         confirmed = True
     look, sight, box = found.look, found.sight, found.sighting.match.box
     for leg in range(1, MAX_LEGS + 1):
         far = distance_m(look.pose, found.place)
         way = await _way(sortie, look, sight, box, far, confirmed, settings)
         if way.status != "clear":
-            if tight or (confirmed and far <= settings.stop_distance_m + NEAR_ENOUGH_M):
+            if confirmed and far <= settings.stop_distance_m + (STILL_NEAR_M if tight else NEAR_ENOUGH_M):
                 return Arrived(found.place)
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
             return Lost(found.place, f"leg {leg}: {why}", way.status == "blocked")
@@ -76,10 +81,14 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
         await sortie.fly(way.path, yaw, f"leg {leg} of the approach")
         trail.append(sortie.flown.pose)
         look = await sortie.look()
-        again = await exploration.search(look, f"after leg {leg}", near=found.place)
-        if again is not None and distance_m(again.place, found.place) <= SAME_THING_M:
-            confirmed, found = True, again
+        again = await _again(exploration, look, found, f"after leg {leg}")
+        if again is not None:
+            found = again
+            claimable = claimable or again.claimable
+            confirmed = confirmed or claimable
             sight, box = again.sight, again.sighting.match.box
+            if way.reached and not confirmed:
+                return Lost(found.place, f"only {again.sighting.match.confidence:.2f} sure from near")
         elif not confirmed:
             return Lost(found.place, f"not seen again from {distance_m(look.pose, found.place):.1f} m")
         else:
@@ -90,12 +99,22 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
             sight, box = remembered
         if way.reached and confirmed:
             far = distance_m(look.pose, found.place)
-            if tight or far <= settings.stop_distance_m + NEAR_ENOUGH_M:
+            if far <= settings.stop_distance_m + (STILL_NEAR_M if tight else NEAR_ENOUGH_M):
                 return Arrived(found.place)
+            if tight:
+                return Lost(found.place, f"leg {leg}: no way nearer than {far:.1f} m from this side", blocked=True)
             # a balcony or eaves beside the window kept the drone off: in still air less room will do for the last metre
             tight = True
             settings = settings.model_copy(update={"clearance_m": min(settings.clearance_m, TIGHT_CLEARANCE_M)})
     return Lost(found.place, f"not there after {MAX_LEGS} legs")
+
+
+async def _again(exploration: Exploration, look: Look, found: Found, what: str) -> Found | None:
+    """The same thing in another look; null where it isn't seen."""
+    again = await exploration.search(look, what, near=found.place)
+    if again is None or distance_m(again.place, found.place) > SAME_THING_M:
+        return None
+    return again
 
 
 async def _way(

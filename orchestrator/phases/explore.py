@@ -16,6 +16,7 @@ from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import (
     ChooseDirectionQuestion,
+    FindObjectAnswer,
     FindObjectQuestion,
     MarkedPoint,
     Match,
@@ -31,12 +32,13 @@ TRIES = 2
 
 
 class Found(NamedTuple):
-    """The object in one view, at a place that can be the window asked for."""
+    """The object in one view, at a place that can be the window asked for; `claimable`: sure enough to be claimed."""
 
     look: Look
     sight: Sight
     sighting: Sighting
     place: Point3
+    claimable: bool
 
 
 class Chosen(NamedTuple):
@@ -95,9 +97,12 @@ class Exploration:
         )
         reply = await sortie.book.ask("recognition", sortie.ports.vision.find_object(question))
         sightings: list[Sighting] = []
+        claim = self._claim_confidence(reply.answer)
         if isinstance(reply, Answered):
             self._silent = 0
-            sightings = [self._judge(m, look) for m in reply.answer.matches if m.heading_deg in look.sights]
+            worth = min(claim, sortie.settings.sightings.candidate_confidence) if self.looks_again else claim
+            matches = [m for m in reply.answer.matches if m.heading_deg in look.sights and m.confidence >= worth]
+            sightings = [self._judge(m, look, claimable=m.confidence >= claim) for m in matches]
         else:
             self._silent += 1
         best = _best(sightings, near)
@@ -123,9 +128,22 @@ class Exploration:
             )
         if best is None or best.place is None:
             return None
-        return Found(look, look.sights[best.match.heading_deg], best, best.place)
+        return Found(
+            look, look.sights[best.match.heading_deg], best, best.place, claimable=best.match.confidence >= claim
+        )
 
-    def _judge(self, match: Match, look: Look) -> Sighting:
+    @property
+    def looks_again(self) -> bool:
+        """Is a sighting looked at from nearer before it is claimed?"""
+        return self.sortie.settings.sightings.policy == "look-again"
+
+    def _claim_confidence(self, answer: FindObjectAnswer) -> float:
+        for confidence in (self.sortie.settings.sightings.claim_confidence, answer.claim_confidence):
+            if confidence is not None:
+                return confidence
+        return 0.0
+
+    def _judge(self, match: Match, look: Look, *, claimable: bool) -> Sighting:
         sortie = self.sortie
         sighting = locate(
             match,
@@ -134,13 +152,13 @@ class Exploration:
             floor_height_m=sortie.floor_height_m or 3.0,
         )
         place = sighting.place
-        if sighting.rejected is None and place and self._is_dismissed(place, look.pose):
+        if sighting.rejected is None and place and self._is_dismissed(place, look.pose, claimable):
             return sighting._replace(rejected="looked at from near before")
         return sighting
 
-    def _is_dismissed(self, place: Point3, pose: Pose) -> bool:
+    def _is_dismissed(self, place: Point3, pose: Pose, claimable: bool) -> bool:
         tries = sum(distance_m(place, d.place) < SAME_PLACE_M for d in self.dismissed)
-        return tries >= TRIES or any(d.holds(place, pose) for d in self.dismissed)
+        return tries >= TRIES or any(d.holds(place, pose, claimable=claimable) for d in self.dismissed)
 
     async def _go_on(self, look: Look) -> None:
         """Viewpoint (eq. 4-6), safe distances (eq. 7), the chosen point, and the flight; or the explorer's stop."""

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from contracts.base import Name, Wire
+from contracts.orchestrator import SightingSettings
 from vld.metrics.model_calls import RoleCalls
 from vld.metrics.proportion import share
 from vld.summary import Rate
@@ -22,7 +23,7 @@ class Figures(NamedTuple):
 class SubtaskScores(Wire):
     """One role's figures. `questions` were asked over `tasks` tasks; one that brought no readable answer counts as
     wrong and shows in `model_calls` as well. `model`: who answered, by its own account. `skipped`: stops that the drone
-    could not reach, or without a question."""
+    could not reach, or without a question. `sightings`: what counted as a claim, where things were looked for."""
 
     subtask: Subtask
     backend: Name
@@ -33,6 +34,7 @@ class SubtaskScores(Wire):
     rates: dict[str, Rate]
     values: dict[str, float | None]
     groups: dict[str, dict[str, Rate]]
+    sightings: SightingSettings | None = None
     model_calls: RoleCalls
     wall_s: float
 

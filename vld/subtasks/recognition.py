@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 from contracts.geometry import Box
+from contracts.orchestrator import SightingSettings
 from contracts.sim import TruthView, VisibleObject
-from contracts.vlm_gateway import Match
+from contracts.vlm_gateway import FindObjectAnswer, Match
 from vld.subtasks.figures import Figures, bin_of, by_group, rate
 
 MIN_SHARE = 0.4
@@ -28,12 +29,18 @@ Shows = Literal["shown", "covered", "faint", "absent"]
 
 
 class Look(NamedTuple):
-    """One question: what the goal is, what the views show, what the model saw (null: no readable answer)."""
+    """One question: what the goal is, what the views show, what the model claims to see (null: no readable answer)."""
 
     kind: str
     colour: str
     views: Sequence[TruthView]
     matches: Sequence[Match] | None
+
+
+def claimed(answer: FindObjectAnswer, settings: SightingSettings) -> tuple[Match, ...]:
+    """The matches that may be claimed at first sight; candidates aren't."""
+    wanted = settings.claim_confidence if settings.claim_confidence is not None else answer.claim_confidence
+    return tuple(match for match in answer.matches if match.confidence >= (wanted or 0.0))
 
 
 def score(looks: Sequence[Look]) -> Figures:

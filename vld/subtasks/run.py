@@ -101,6 +101,7 @@ class Examiner:
             rates=figures.rates,
             values=figures.values,
             groups=figures.groups,
+            sightings=self._plan.settings.sightings if subtask == "recognition" else None,
             model_calls=together([self._book.calls.get(ROLES[subtask], ModelCalls())]),
             wall_s=round(time.perf_counter() - began, 3),
         )
@@ -155,7 +156,7 @@ class Examiner:
                     views=tuple(View(heading_deg=v.heading_deg, image=v.image) for v in seen.views),
                 )
                 answer = await self._ask("recognition", self._ports.vision.find_object(question))
-                matches = answer.matches if answer else None
+                matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
                 looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
         return looks
 

@@ -1,0 +1,129 @@
+"""When a sighting is believed: candidates are looked at from nearer, claims at first sight are not."""
+
+import math
+from dataclasses import dataclass, field
+
+import pytest
+
+from contracts.geometry import Heading, Pose
+from contracts.orchestrator import DeliveryResult, MissionSettings, SightingSettings
+from contracts.sim import EpisodeQuestion
+from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
+from orchestrator.mission import Mission
+from tests.orchestrator.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
+from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
+
+CLAIM = 0.8
+IMPOSTOR = (-3.0, -6.2, 10.5)
+"""On the facade that the drone faces at first; the thing itself hangs on the far side."""
+
+
+@dataclass
+class DoubtfulVision(BlockVision):
+    """Sees the thing, and whatever else is taken for it, with a confidence that depends on the distance only."""
+
+    thing: dict[float, float] = field(default_factory=dict)
+    impostor: dict[float, float] = field(default_factory=dict)
+    seen_from: list[Pose] = field(default_factory=list)
+
+    async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
+        pose = self._pose("find_object", question.oracle_episode)
+        matches = []
+        for place, confidences in ((self.world.block.thing, self.thing), (IMPOSTOR, self.impostor)):
+            matches += [m for v in question.views if (m := self._match(pose, v.heading_deg, place, confidences))]
+            if place == IMPOSTOR and any(m.confidence for m in matches if confidences):
+                self.seen_from.append(pose)
+        best_first = tuple(sorted(matches, key=lambda m: -m.confidence))
+        found = any(m.confidence >= CLAIM for m in matches)
+        return FindObjectAnswer(role="recognition", found=found, matches=best_first, claim_confidence=CLAIM, **WHO)
+
+    def _match(
+        self, pose: Pose, heading: Heading, place: tuple[float, float, float], confidences: dict[float, float]
+    ) -> Match | None:
+        block = self.world.block
+        away = math.dist(place, (pose.x, pose.y, pose.z))
+        confidence = next((c for within, c in sorted(confidences.items()) if away <= within), 0.0)
+        box = BlockWorld(Block(thing=place, floors=block.floors)).sees(pose, heading)
+        return Match(heading_deg=heading, box=box, confidence=confidence) if box and confidence else None
+
+
+async def fly(
+    thing: dict[float, float], impostor: dict[float, float] | None = None, **sightings: object
+) -> tuple[DeliveryResult, Events, DoubtfulVision]:
+    world = BlockWorld(BEHIND)
+    vision = DoubtfulVision(world, thing=thing, impostor=impostor or {})
+    settings = MissionSettings(sightings=SightingSettings.model_validate(sightings))
+    log = Events()
+    mission = Mission(block_ports(world, vision), settings, log)
+    return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block))), log, vision
+
+
+SURE, MIDDLING = {99.0: 0.95}, {99.0: 0.5}
+
+
+async def test_a_middling_sighting_that_is_sure_from_near_is_delivered_to() -> None:
+    result, log, _ = await fly({6.0: 0.95, 99.0: 0.4})
+    assert result.outcome == "delivered"
+    assert not log.of("lost")
+
+
+async def test_a_middling_sighting_that_stays_middling_is_dropped_and_the_search_goes_on() -> None:
+    result, log, _ = await fly(SURE, MIDDLING)
+    assert result.outcome == "delivered"
+    assert len(log.of("lost")) == 1
+    assert "sure" in log.of("lost")[0].message
+
+
+async def test_a_middling_sighting_that_is_nothing_from_near_is_dropped() -> None:
+    result, log, _ = await fly(SURE, {6.0: 0.0, 99.0: 0.7})
+    assert result.outcome == "delivered"
+    assert "not seen again" in log.of("lost")[0].message
+
+
+async def test_a_dropped_candidate_is_not_flown_to_twice() -> None:
+    nowhere = {0.1: 1.0}
+    result, log, _ = await fly(nowhere, MIDDLING)
+    assert result.outcome == "object_not_found"
+    assert len(log.of("lost")) == 1
+    assert any(s["rejected"] == "looked at from near before" for e in log.of("look") for s in e.data["sightings"])
+
+
+async def test_what_is_below_a_candidate_is_never_flown_to() -> None:
+    _, log, _ = await fly({0.1: 1.0}, {99.0: 0.25})
+    assert not log.of("lost")
+    _, log, _ = await fly({0.1: 1.0}, {99.0: 0.25}, candidate_confidence=0.2)
+    assert log.of("lost")
+
+
+@pytest.mark.parametrize(("confidence", "outcome"), [(0.85, "wrong_window"), (0.5, "delivered")])
+async def test_claiming_at_first_sight_believes_what_may_be_claimed_and_no_candidate(
+    confidence: float, outcome: str
+) -> None:
+    result, log, _ = await fly(SURE, {6.0: 0.0, 99.0: confidence}, policy="claim-at-first-sight")
+    assert result.outcome == outcome
+    assert not log.of("lost")
+
+
+async def test_at_first_sight_means_that_no_look_on_the_way_can_drop_it() -> None:
+    fading = {8.0: 0.0, 99.0: 0.9}
+    again, log, _ = await fly(fading)
+    first, _, _ = await fly(fading, policy="claim-at-first-sight")
+    assert again.verdict is None
+    assert log.of("lost")
+    assert first.verdict is not None
+
+
+async def test_the_settings_may_ask_for_more_than_the_model_does() -> None:
+    careful, log, _ = await fly({99.0: 0.85}, claim_confidence=0.9)
+    assert careful.outcome == "object_not_found"
+    assert log.of("lost")
+    easy, _, _ = await fly({99.0: 0.5}, claim_confidence=0.4)
+    assert easy.outcome == "delivered"
+
+
+async def test_every_look_counts_as_a_step() -> None:
+    result, log, _ = await fly(SURE, MIDDLING)
+    looks = [e for e in log.of("look") if e.phase == "approach"]
+    assert looks
+    assert len([stop for stop in result.stops if stop.phase == "approach"]) == len(looks)
+    assert result.steps == len(result.stops)
