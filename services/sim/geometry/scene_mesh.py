@@ -1,6 +1,6 @@
 """A scene document as triangles: what the renderers draw, what the world collides with, and which triangle is whose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from contracts.scene import Light, Scene
 from services.sim.geometry.buildings import build_building, toward_start
 from services.sim.geometry.mesh import Mesh, concatenate
+from services.sim.geometry.occluders import occluders
 from services.sim.geometry.parts import Assembly, Chunk, Part, PartKind, Solid
 from services.sim.geometry.placing import keeps_sill, placed
 from services.sim.geometry.street import build_surroundings
@@ -41,7 +42,8 @@ class UnknownObject(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """The whole scene. `part_of` (N,) gives each vertex the id of its part; shadows are sharpest about `focus`."""
+    """The whole scene. `part_of` (N,) gives each vertex the id of its part; shadows are sharpest about `focus`.
+    `occluders` as in `geometry.occluders`."""
 
     mesh: Mesh
     part_of: NDArray[np.uint16]
@@ -51,6 +53,7 @@ class SceneMesh:
     textures: TextureSet
     light: Light
     focus: tuple[float, float, float]
+    occluders: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 5)))
 
     def part(self, kind: PartKind, name: str) -> Part:
         """Raises KeyError."""
@@ -91,4 +94,5 @@ def build_scene_mesh(scene: Scene, build_object: ObjectBuilder, textures: Textur
         textures,
         scene.light,
         (float(middle[0]), float(middle[1]), target.floors * target.floor_height_m / 3),
+        occluders(scene),
     )

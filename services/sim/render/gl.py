@@ -12,7 +12,6 @@ from contracts.geometry import Pose
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.geometry.textures import TextureSet
 from services.sim.render import shaders
-from services.sim.render.culling import visible_chunks
 from services.sim.render.gl_scene import SHADOW_SIZE, GlScene
 from services.sim.render.light import WEATHER, fill_direction, sun_direction
 from services.sim.render.views import FAR_M, NEAR_M, RenderedViews, view_axes
@@ -47,14 +46,19 @@ class GlRenderer:
             "shadow": self._gl.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT),
             "panorama": self._gl.program(shaders.PANORAMA_VERTEX, shaders.PANORAMA_FRAGMENT),
             "sky": self._gl.program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT),
+            "labelled": self._gl.program(shaders.LABELLED_VERTEX, shaders.LABELLED_FRAGMENT),
+            "labelled_sky": self._gl.program(shaders.SKY_VERTEX, shaders.LABELLED_SKY_FRAGMENT),
             "ids": self._gl.program(shaders.IDS_VERTEX, shaders.IDS_FRAGMENT),
         }
         corners = self._gl.buffer(np.array([(-1, -1), (3, -1), (-1, 3)], "<f4").tobytes())
         self._panorama = self._gl.vertex_array(self._programs["panorama"], [(corners, "2f", "in_corner")])
         drum = self._gl.buffer(_sky_drum().tobytes())
-        self._sky = self._gl.vertex_array(self._programs["sky"], [(drum, "3f 2f", "in_direction", "in_uv")])
+        self._skies = {
+            what: self._gl.vertex_array(self._programs[program], [(drum, "3f 2f", "in_direction", "in_uv")])
+            for what, program in (("scene", "sky"), ("labelled", "labelled_sky"))
+        }
         self._textures: dict[int, tuple[TextureSet, moderngl.TextureArray]] = {}
-        self._targets: dict[tuple[int, int], moderngl.Framebuffer] = {}
+        self._targets: dict[tuple[int, int, bool], moderngl.Framebuffer] = {}
 
     def upload(self, scene: SceneMesh) -> GlScene:
         """Copies the scene into the renderer and draws its shadows and its sky once."""
@@ -63,21 +67,25 @@ class GlRenderer:
         self._draw_panorama(uploaded)
         return uploaded
 
-    def render(self, uploaded: GlScene, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
-        """Pictures and depth of each view. Raises ValueError beyond the limits."""
+    def render(
+        self, uploaded: GlScene, pose: Pose, headings_deg: Sequence[float], size: int, *, labelled: bool = False
+    ) -> RenderedViews:
+        """Pictures and depth of each view, ids where asked for. Raises ValueError beyond the limits."""
         self._check(headings_deg, size)
-        target = self._target(size, len(headings_deg))
-        self._draw(uploaded, pose, headings_deg, size, target, "scene")
         v = len(headings_deg)
+        target = self._target(size, v, labelled)
+        self._draw(uploaded, pose, headings_deg, size, target, "labelled" if labelled else "scene")
         rgba = np.frombuffer(target.read(components=4, attachment=0), np.uint8).reshape(v * size, size, 4)
         rgb = np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), np.uint8).reshape(v, size, size, 3)
         depth = np.frombuffer(target.read(components=1, attachment=1, dtype="u2"), np.uint16)
-        return RenderedViews(rgb, depth.reshape(v, size, size))
+        ids = np.frombuffer(target.read(components=1, attachment=2, dtype="u2"), np.uint16) if labelled else None
+        shape = (v, size, size)
+        return RenderedViews(rgb, depth.reshape(shape), ids.reshape(shape) if ids is not None else None)
 
     def render_ids(self, uploaded: GlScene, pose: Pose, headings_deg: Sequence[float], size: int) -> NDArray[np.uint16]:
         """(V, H, W) ids of parts. Raises ValueError beyond the limits."""
         self._check(headings_deg, size)
-        target = self._target(size, len(headings_deg))
+        target = self._target(size, len(headings_deg), False)
         self._draw(uploaded, pose, headings_deg, size, target, "ids")
         ids = np.frombuffer(target.read(components=1, attachment=1, dtype="u2"), np.uint16)
         return ids.reshape(len(headings_deg), size, size)
@@ -107,9 +115,9 @@ class GlRenderer:
         self._textures[id(textures)] = (textures, array)
         return array
 
-    def _target(self, size: int, views: int) -> moderngl.Framebuffer:
+    def _target(self, size: int, views: int, labelled: bool) -> moderngl.Framebuffer:
         """One tall picture, view under view, kept for the next call of the same shape."""
-        key = (size, views)
+        key = (size, views, labelled)
         if key not in self._targets:
             if len(self._targets) >= 4:
                 old = self._targets.pop(next(iter(self._targets)))
@@ -117,8 +125,9 @@ class GlRenderer:
                     if attachment is not None:
                         attachment.release()
             shape = (size, size * views)
+            whole = [self._gl.texture(shape, 1, dtype="u2") for _ in range(2 if labelled else 1)]
             self._targets[key] = self._gl.framebuffer(
-                [self._gl.texture(shape, 4), self._gl.texture(shape, 1, dtype="u2")],
+                [self._gl.texture(shape, 4), *whole],
                 self._gl.depth_renderbuffer(shape),
             )
         return self._targets[key]
@@ -141,16 +150,17 @@ class GlRenderer:
         headings_deg: Sequence[float],
         size: int,
         target: moderngl.Framebuffer,
-        what: Literal["scene", "ids"],
+        what: Literal["scene", "labelled", "ids"],
     ) -> None:
         target.use()
         target.viewport = (0, 0, size, size * len(headings_deg))
         target.clear()
-        program = self._programs[what]
-        if what == "scene":
-            self._set_light(uploaded)
-        vertices = uploaded.views if what == "scene" else uploaded.ids
+        program, sky = self._programs[what], self._skies.get(what)
+        if sky is not None:
+            self._set_light(uploaded, program, sky.program)
+        vertices = {"scene": uploaded.views, "labelled": uploaded.labelled, "ids": uploaded.ids}[what]
         eye = np.array([pose.x, pose.y, pose.z])
+        seen = uploaded.culler.seen_from(eye)
         for i, heading in enumerate(headings_deg):
             axes = view_axes(pose, heading)
             target.viewport = (0, i * size, size, size)
@@ -159,25 +169,24 @@ class GlRenderer:
             self._gl.front_face = "cw"
             self._gl.depth_func = "<"
             _set_matrix(program, "to_clip", _clip_matrix(axes, eye))
-            order = visible_chunks(uploaded.low, uploaded.high, eye, axes)
-            if len(order):
-                uploaded.indirect.write(uploaded.commands[order].tobytes())
-                vertices.render_indirect(uploaded.indirect, count=len(order))
-            if what == "scene":
+            faces = seen.towards(axes)
+            if len(faces):
+                uploaded.chosen.write(faces.data)
+                vertices.render(vertices=faces.size)
+            if sky is not None:
                 self._gl.disable(moderngl.CULL_FACE)
                 self._gl.depth_func = "<="
-                _set_matrix(self._programs["sky"], "to_clip", _clip_matrix(axes, np.zeros(3)))
-                self._sky.render(moderngl.TRIANGLE_STRIP)
+                _set_matrix(sky.program, "to_clip", _clip_matrix(axes, np.zeros(3)))
+                sky.render(moderngl.TRIANGLE_STRIP)
 
-    def _set_light(self, uploaded: GlScene) -> None:
+    def _set_light(self, uploaded: GlScene, scene: moderngl.Program, sky: moderngl.Program) -> None:
         light = uploaded.scene.light
         weather = WEATHER[light.sky]
         sun, gain = sun_direction(light), light.exposure
         uploaded.textures.use(0)
         uploaded.shade.use(1)
         uploaded.panorama.use(2)
-        scene = self._programs["scene"]
-        scene["surface"], scene["shade"], self._programs["sky"]["panorama"] = 0, 1, 2
+        scene["surface"], scene["shade"], sky["panorama"] = 0, 1, 2
         _set_matrix(scene, "to_sun", _sun_matrix(uploaded.scene))
         scene["sun"] = tuple(sun)
         scene["fill_light"] = tuple(fill_direction(light))

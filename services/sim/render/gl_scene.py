@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.render.culling import Culler
 
 SHADOW_SIZE = 4096
 PANORAMA = (2048, 512)
@@ -20,9 +21,6 @@ _VERTEX = np.dtype(
         ("layer", "<u2"),
         ("part", "<u2"),
     ]
-)
-_COMMAND = np.dtype(
-    [("count", "<u4"), ("instances", "<u4"), ("first", "<u4"), ("base", "<u4"), ("base_instance", "<u4")]
 )
 
 
@@ -46,35 +44,22 @@ class GlScene:
         vertices["part"] = scene.part_of
         self.scene = scene
         self.textures = textures
-        self.low = np.array([c.low for c in scene.chunks], np.float64).reshape(-1, 3)
-        self.high = np.array([c.high for c in scene.chunks], np.float64).reshape(-1, 3)
-        self.commands = np.zeros(len(scene.chunks), _COMMAND)
-        self.commands["count"] = [c.face_count * 3 for c in scene.chunks]
-        self.commands["first"] = [c.first_face * 3 for c in scene.chunks]
-        self.commands["instances"] = 1
+        self.culler = Culler(scene)
         self._vertices = context.buffer(vertices.tobytes())
         self._indices = context.buffer(np.ascontiguousarray(mesh.faces, "<u4").tobytes())
-        self.indirect = context.buffer(reserve=max(1, len(self.commands)) * _COMMAND.itemsize, dynamic=True)
+        self.chosen = context.buffer(reserve=max(12, mesh.faces.size * 4), dynamic=True)
+        surface = ("in_position", "in_uv", "in_normal", "in_colour", "in_layer")
         self.views = context.vertex_array(
-            programs["scene"],
-            [
-                (
-                    self._vertices,
-                    "3f 2f 3f1 1x 3f1 1x 1u2 2x",
-                    "in_position",
-                    "in_uv",
-                    "in_normal",
-                    "in_colour",
-                    "in_layer",
-                )
-            ],
-            self._indices,
+            programs["scene"], [(self._vertices, "3f 2f 3f1 1x 3f1 1x 1u2 2x", *surface)], self.chosen
+        )
+        self.labelled = context.vertex_array(
+            programs["labelled"], [(self._vertices, "3f 2f 3f1 1x 3f1 1x 1u2 1u2", *surface, "in_part")], self.chosen
         )
         self.shadow = context.vertex_array(
             programs["shadow"], [(self._vertices, "3f 20x", "in_position")], self._indices
         )
         self.ids = context.vertex_array(
-            programs["ids"], [(self._vertices, "3f 18x 1u2", "in_position", "in_part")], self._indices
+            programs["ids"], [(self._vertices, "3f 18x 1u2", "in_position", "in_part")], self.chosen
         )
         self.shade = context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
         self.shade.compare_func = "<="
@@ -88,11 +73,12 @@ class GlScene:
         for thing in (
             self.panorama,
             self.views,
+            self.labelled,
             self.shadow,
             self.ids,
             self.shade,
             self._vertices,
             self._indices,
-            self.indirect,
+            self.chosen,
         ):
             thing.release()

@@ -57,6 +57,17 @@ void main() {
 }
 """
 
+# the same pictures, and the part seen in each pixel beside them
+LABELLED_VERTEX = (
+    SCENE_VERTEX.replace("in uint in_layer;", "in uint in_layer;\nin uint in_part;\nflat out uint part;")
+).replace("    layer = ", "    part = in_part;\n    layer = ")
+
+LABELLED_FRAGMENT = (
+    SCENE_FRAGMENT.replace("flat in float layer;", "flat in float layer;\nflat in uint part;")
+    .replace("out uint depth_units;", "out uint depth_units;\nlayout(location = 2) out uint ids;")
+    .replace("    vec3 t = ", "    ids = part;\n    vec3 t = ")
+)
+
 SHADOW_VERTEX = """
 #version 430
 uniform mat4 to_sun;
@@ -133,6 +144,10 @@ void main() {
     depth_units = 65535u;
 }
 """
+
+LABELLED_SKY_FRAGMENT = SKY_FRAGMENT.replace(
+    "out uint depth_units;", "out uint depth_units;\nlayout(location = 2) out uint ids;"
+).replace("    depth_units = ", "    ids = 0u;\n    depth_units = ")
 
 IDS_VERTEX = """
 #version 430

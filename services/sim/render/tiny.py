@@ -85,19 +85,24 @@ class TinyRenderer:
     def upload(self, scene: SceneMesh) -> TinyScene:
         return TinyScene(scene)
 
-    def render(self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
-        """Pictures and depth of each view. Raises ValueError beyond the limits."""
+    def render(
+        self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int, *, labelled: bool = False
+    ) -> RenderedViews:
+        """Pictures and depth of each view, ids where asked for. Raises ValueError beyond the limits."""
         self._check(headings_deg, size)
         shape = (len(headings_deg), size, size)
         rgb, depth = np.empty((*shape, 3), np.uint8), np.empty(shape, np.uint16)
+        ids = np.empty(shape, np.uint16) if labelled else None
         for i, heading in enumerate(headings_deg):
-            colour, buffer, _ = _picture(uploaded, pose, heading, size)
+            colour, buffer, bodies = _picture(uploaded, pose, heading, size)
             hit = buffer < 1.0
             metres = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * buffer)
             units = np.clip(np.rint(metres / DEPTH_METRES_PER_UNIT), 1, NO_RETURN)
             depth[i] = np.where(hit, units, NO_RETURN)
             rgb[i] = np.where(hit[..., None], colour, _sky(uploaded.scene, size))
-        return RenderedViews(rgb, depth)
+            if ids is not None:
+                ids[i] = uploaded.part_of_body[bodies]
+        return RenderedViews(rgb, depth, ids)
 
     def render_ids(
         self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int

@@ -21,10 +21,11 @@ FAR_M = 1000.0
 
 class RenderedViews(NamedTuple):
     """rgb (V, H, W, 3) uint8 sRGB; depth_units (V, H, W) uint16 in units of 2 mm along the optical axis, 65535 where
-    nothing was hit within 131 m."""
+    nothing was hit within 131 m; ids (V, H, W) uint16 the part seen in each pixel, 0 for none, where asked for."""
 
     rgb: NDArray[np.uint8]
     depth_units: NDArray[np.uint16]
+    ids: NDArray[np.uint16] | None = None
 
     def depth_m(self) -> NDArray[np.float32]:
         """(V, H, W) metres along the optical axis, inf where nothing was hit."""
@@ -47,8 +48,10 @@ class Renderer(Protocol):
 
     def upload(self, scene: SceneMesh) -> Uploaded: ...
 
-    def render(self, uploaded: Any, pose: Pose, headings_deg: Sequence[float], size: int) -> RenderedViews:
-        """Pictures and depth of each view, `size` pixels square."""
+    def render(
+        self, uploaded: Any, pose: Pose, headings_deg: Sequence[float], size: int, *, labelled: bool = False
+    ) -> RenderedViews:
+        """Pictures and depth of each view, `size` pixels square; `labelled`: the ids as well, nearly for nothing."""
         ...
 
     def render_ids(self, uploaded: Any, pose: Pose, headings_deg: Sequence[float], size: int) -> NDArray[np.uint16]:
