@@ -20,7 +20,7 @@ from contracts.scene import Scene
 from orchestrator import sample_library
 from orchestrator.clients import Addresses, Services
 from orchestrator.delivery import BadDelivery, Order, Run
-from orchestrator.doctor import examine, print_findings
+from orchestrator.doctor import calibrate_with, examine, print_calibration, print_findings
 from orchestrator.processes import (
     FLIGHT_SERVICES,
     MODULES,
@@ -33,6 +33,7 @@ from orchestrator.processes import (
     parse_addresses,
 )
 from orchestrator.terminal import LiveView, PlainView, print_result
+from service_kit.client import CallError, Refused
 
 app = typer.Typer(
     name="logisticsvln",
@@ -200,14 +201,41 @@ async def _serve(group: Processes, ports: dict[str, int], folder: Path) -> None:
 def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
     out: Annotated[Path, typer.Option(help="Where records go.")] = Path("runs"),
+    model: Annotated[
+        str | None,
+        typer.Option("--calibrate", help="An alias of the gateway: find out how this vision model writes boxes."),
+    ] = None,
+    gateway: Annotated[
+        str | None, typer.Option(help="A running gateway, for --calibrate; else one is started for it.")
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, max=20, help="Pictures to show, for --calibrate.")] = 3,
 ) -> None:
     """Look whether this machine has what is needed, and say what to do about what it hasn't."""
+    if model is not None:
+        _calibrate(model, gateway, rounds, out, as_json=as_json)
     findings = examine(own_environment(), out)
     if as_json:
         typer.echo(json.dumps({"ok": all(f.ok for f in findings), "findings": [f._asdict() for f in findings]}))
     else:
         print_findings(Console(), findings)
     raise typer.Exit(0 if all(f.ok for f in findings) else 1)
+
+
+def _calibrate(model: str, gateway: str | None, rounds: int, out: Path, *, as_json: bool) -> NoReturn:
+    console = Console(stderr=as_json)
+    try:
+        found = asyncio.run(calibrate_with(model, gateway, rounds, out / "logs", own_environment(), console))
+    except CannotStart as error:
+        _stop(f"the gateway could not be started: {error}", NOT_DELIVERED)
+    except Refused as error:
+        _stop(f"the gateway refuses {model!r}: {error.reason}", WRONG_INPUT if error.status == 422 else NOT_DELIVERED)
+    except CallError as error:
+        _stop(str(error), NOT_DELIVERED)
+    if as_json:
+        typer.echo(json.dumps({"ok": found.certainty in ("sure", "likely"), **found.model_dump()}))
+    else:
+        print_calibration(console, found)
+    raise typer.Exit(0 if found.certainty in ("sure", "likely") else 1)
 
 
 @app.command()

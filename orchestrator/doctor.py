@@ -1,5 +1,6 @@
 """`logisticsvln doctor`: does this machine have what is needed, and what to do where it has not."""
 
+import contextlib
 import os
 import shutil
 import socket
@@ -15,9 +16,13 @@ from rich.table import Table
 from rich.text import Text
 
 from orchestrator import sample_library
-from orchestrator.processes import PORTS, is_free
+from orchestrator.calibrate.ask import Calibration, advice, calibrate, in_words
+from orchestrator.calibrate.fit import Convention
+from orchestrator.processes import PORTS, Processes, free_ports, is_free
+from service_kit.client import ServiceClient
 
 ENOUGH_DISK_BYTES = 1 << 30
+CALIBRATION_TIMEOUT_S = 600.0
 GL_PROBE = """
 import moderngl
 context = moderngl.create_context(standalone=True, backend="egl")
@@ -152,3 +157,42 @@ def print_findings(console: Console, findings: list[Finding]) -> None:
         if one.remedy:
             table.add_row("", "", Text(f"→ {one.remedy}", "yellow", overflow="fold"))
     console.print(table)
+
+
+async def calibrate_with(
+    model: str, gateway: str | None, rounds: int, logs: Path, environment: Mapping[str, str], console: Console
+) -> Calibration:
+    """Asks a running gateway, or one that is started for it with this `environment` (its GATEWAY_CONFIG). Raises
+    CannotStart or CallError."""
+    async with contextlib.AsyncExitStack() as stack:
+        if gateway is None:
+            console.print("starting a gateway of our own", style="dim")
+            ports = free_ports(["vlm_gateway"])
+            # answers of an earlier calibration would tell nothing about the model as it is now
+            own = dict(environment) | {"CACHE_MODE": "off"}
+            gateway = (await stack.enter_async_context(Processes(ports, logs, environment=own))).addresses.vlm_gateway
+        client = ServiceClient(
+            "vlm_gateway", gateway, timeout_s=CALIBRATION_TIMEOUT_S, token=environment.get("GATEWAY_TOKEN")
+        )
+        await stack.enter_async_context(client)
+        console.print(f"showing {model} {rounds} picture{'s' if rounds > 1 else ''} of six shapes", style="dim")
+        return await calibrate(client, model, rounds)
+
+
+def print_calibration(console: Console, found: Calibration) -> None:
+    """For a person: what was found, how sure that is, and what to put into the configuration."""
+    table = Table.grid(padding=(0, 2))
+    if found.boxes is not None and found.box_order is not None and found.full is not None:
+        best = in_words(Convention(found.boxes, found.box_order, found.full, found.image_factor))
+    else:
+        best = "none"
+    colour = {"sure": "green", "likely": "yellow", "unclear": "red", "none": "bold red"}[found.certainty]
+    table.add_row("Boxes", Text(best, overflow="fold"))
+    table.add_row("Certainty", Text(found.certainty, colour))
+    table.add_row(
+        "Overlap", f"{found.overlap:.2f} of 1 on average; next best {found.rival_overlap:.2f} ({found.rival})"
+    )
+    table.add_row("Shapes", f"{found.shapes_told} of {found.shapes_shown} told")
+    console.print(table)
+    for line in advice(found):
+        console.print(line, highlight=False, markup=False)
