@@ -31,9 +31,21 @@ class Admission:
         return len(self._waiting)
 
     async def __aenter__(self) -> Self:
+        await self.enter()
+        return self
+
+    async def enter(self, deadline: float | None = None) -> None:
+        """Take a place; `leave` gives it back. Raises TimeoutError where none was free until `deadline` (of the event
+        loop's clock)."""
         if self._running < self._concurrency and not self._waiting:
             self._running += 1
-            return self
+        elif deadline is None:
+            await self._queue_up()
+        else:
+            async with asyncio.timeout_at(deadline):
+                await self._queue_up()
+
+    async def _queue_up(self) -> None:
         if len(self._waiting) >= self._queue:
             raise ModelOverloaded(
                 f"model {self._model!r} answers {self._running} questions and {len(self._waiting)} more wait; "
@@ -46,19 +58,19 @@ class Admission:
             await turn
         except asyncio.CancelledError:
             if turn.done() and not turn.cancelled():
-                self._leave()  # the place was already handed over: pass it on
+                self.leave()  # the place was already handed over: pass it on
             else:
                 with contextlib.suppress(ValueError):  # whoever left meanwhile has already passed it over
                     self._waiting.remove(turn)
             raise
-        return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._leave()
+        self.leave()
 
-    def _leave(self) -> None:
+    def leave(self) -> None:
+        """Hand the place to whoever waits longest."""
         while self._waiting:
             turn = self._waiting.popleft()
             if not turn.done():

@@ -2,15 +2,18 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Annotated, Any, TypeVar
+from functools import partial
+from typing import Any, TypeVar
 
-from fastapi import Body, FastAPI, Request
+from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from fastapi.routing import APIRoute
+from prometheus_client.core import Metric
 from pydantic import ValidationError
+from starlette.types import Receive
 
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
@@ -27,10 +30,14 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion, ServiceError
 from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.backends.chat import ChatBackend
-from services.vlm_gateway.chat.passthrough import Passthrough, gone
-from services.vlm_gateway.chat.request import read_chat
 from services.vlm_gateway.errors import ModelTimeout
 from services.vlm_gateway.gateway import Gateway
+from services.vlm_gateway.hot.door import PATH, HotDoor, Limits
+from services.vlm_gateway.hot.log import RequestLog
+from services.vlm_gateway.hot.models import Models
+from services.vlm_gateway.hot.target import Target
+from services.vlm_gateway.keys import Keys
+from services.vlm_gateway.metrics import gauge
 
 MAX_BODY_BYTES = 24 * 1024 * 1024
 BIG_BODY_BYTES = 512 * 1024
@@ -40,11 +47,24 @@ T = TypeVar("T")
 
 
 def build_app(
-    gateway: Gateway, metrics: HttpMetrics, *, token: str | None = None, max_body_bytes: int = MAX_BODY_BYTES
+    gateway: Gateway,
+    metrics: HttpMetrics,
+    *,
+    keys: Keys | None = None,
+    log_share: float = 0.0,
+    max_body_bytes: int = MAX_BODY_BYTES,
 ) -> FastAPI:
-    """The service over a wired `gateway`; its cache is started and everything is closed with the app."""
+    """The service over a wired `gateway`; its cache is started and everything is closed with the app. Without `keys`
+    everybody may ask everything; `log_share` of the chats get a line in the log."""
     started_at = time.time()
     cache = gateway.cache
+    chats = {alias: backend for alias, backend in gateway.backends.items() if isinstance(backend, ChatBackend)}
+    targets = {
+        alias: Target(backend.settings, backend.upstream, partial(gateway.metrics.retried, alias))
+        for alias, backend in chats.items()
+    }
+    passed_on = Models(targets, gateway.roles.get("parser"), cache, gateway.metrics)
+    log = RequestLog(log_share)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
@@ -53,8 +73,10 @@ def build_app(
         try:
             yield
         finally:
+            passed_on.close()
             for backend in gateway.backends.values():
                 await backend.close()
+            log.flush()
             if cache is not None:
                 await cache.close()
 
@@ -65,12 +87,21 @@ def build_app(
         max_body_bytes=max_body_bytes,
         checks=checks,
         notes=notes,
-        token=token,
         metrics=metrics,
         lifespan=lifespan,
     )
     app.router.route_class = _OneValidation
-    passthrough = Passthrough(gateway)
+    app.add_middleware(
+        HotDoor,
+        models=passed_on,
+        keys=keys or Keys({}),
+        cache=cache,
+        metrics=gateway.metrics,
+        http=metrics,
+        log=log,
+        limits=Limits(max_body_bytes),
+    )
+    gateway.metrics.watch(lambda: _gauges(chats))
 
     async def ask(question: Question, request: Request) -> Response:
         answer = await _within(request, gateway.answer(question))
@@ -98,13 +129,11 @@ def build_app(
         """Towards which of the marked points should the drone fly?"""
         return await ask(question, request)
 
-    @app.post("/v1/chat/completions", response_model=None)
-    async def chat_completions(request: Request, body: Annotated[dict[str, Any], Body()]) -> Response:
+    @app.post(PATH, response_model=None)
+    async def chat_completions(body: dict[str, Any]) -> Response:
         """OpenAI's chat completions for the configured chat models, streamed or not. `x-cache: on` or `off` in the
         request overrides that only answers at temperature 0 are cached."""
-        raw = await request.body()
-        chat = await asyncio.to_thread(read_chat, raw) if len(raw) > BIG_BODY_BYTES else read_chat(raw)
-        return await _within(request, passthrough.answer(chat, _wanted(request)))
+        raise AssertionError("hot/door.py answers this; the route is here for the API's description")
 
     @app.get("/v1/models")
     async def models() -> dict[str, object]:
@@ -143,15 +172,7 @@ class _OneValidation(APIRoute):
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         endpoint = self.endpoint
-        hints = endpoint.__annotations__
-        if "body" in hints:
-
-            async def handle_raw(request: Request) -> Response:
-                answer: Response = await endpoint(request=request, body={})  # reads the request's bytes itself
-                return answer
-
-            return handle_raw
-        model = hints.get("question")
+        model = endpoint.__annotations__.get("question")
         if model is None:
             return super().get_route_handler()
 
@@ -203,8 +224,19 @@ async def _within(request: Request, work: Coroutine[Any, Any, T]) -> T:
         await asyncio.gather(*unfinished, return_exceptions=True)
 
 
-def _wanted(request: Request) -> bool | None:
-    stated = request.headers.get("x-cache")
-    if stated not in (None, "on", "off"):
-        raise BadQuestion("x-cache: say on or off, or leave it out")
-    return None if stated is None else stated == "on"
+async def gone(receive: Receive) -> None:
+    """Returns when the client has left. To be asked once the request's body was read."""
+    while (await receive())["type"] != "http.disconnect":
+        pass
+
+
+def _gauges(chats: Mapping[str, ChatBackend]) -> Iterable[Metric]:
+    """How every chat model is doing just now."""
+    upstreams = {alias: backend.upstream for alias, backend in chats.items()}
+    states = {"closed": 0.0, "half_open": 0.5, "open": 1.0}
+    running = {alias: upstream.admission.running for alias, upstream in upstreams.items()}
+    waiting = {alias: upstream.admission.waiting for alias, upstream in upstreams.items()}
+    open_ = {alias: states[upstream.breaker.state] for alias, upstream in upstreams.items()}
+    yield gauge("running", "Questions and chats at the model's server.", running)
+    yield gauge("waiting", "Questions and chats that wait for a place there.", waiting)
+    yield gauge("breaker_open", "1 where the model isn't asked after failures, 0.5 where one may try.", open_)

@@ -237,7 +237,9 @@ def _check_names(file: _File, models: Mapping[str, ModelConfig], where: str) -> 
             raise BadSetting(f"{where}: keys.{name}.sha256: the same key as keys.{first}")
         for other in key.models or ():
             if other not in models:
-                raise BadSetting(f"{where}: keys.{name}.models: no model {other!r}; there are {', '.join(sorted(models))}")
+                raise BadSetting(
+                    f"{where}: keys.{name}.models: no model {other!r}; there are {', '.join(sorted(models))}"
+                )
 
 
 def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:

@@ -31,6 +31,10 @@ class Flights(Generic[T]):
     def live(self) -> int:
         return len(self._live)
 
+    def flies(self, key: str) -> bool:
+        """Whether a call for this key is under way."""
+        return key in self._live
+
     async def share(self, key: str, start: Callable[[], Awaitable[T]]) -> Landed[T]:
         """The result of `start()`, or of the call under way for the same key. Raises what that call raises."""
         flight = self._live.get(key)

@@ -1,44 +1,143 @@
-"""The gateway's own figures beside those of HTTP."""
+"""The gateway's own figures beside those of HTTP.
+
+Those of model calls carry OpenTelemetry's names (semantic conventions for generative AI) as Prometheus writes them:
+`gen_ai.client.operation.duration` is `gen_ai_client_operation_duration_seconds`.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
 from prometheus_client import CollectorRegistry, Counter, Histogram
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
 
 from contracts.vlm_gateway import Tokens
+from services.vlm_gateway.keys import asking
 
 _BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
+_TOKEN_BUCKETS = (1, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536, 262_144, 1_048_576)
+
+
+class Price(NamedTuple):
+    """US dollars a million tokens."""
+
+    prompt: float
+    completion: float
 
 
 class GatewayMetrics:
     """`outcome` is the contract's outcome or an error's code; `model` is the configured alias, so that clients can't
-    multiply the series."""
+    multiply the series. `prices` by alias."""
 
-    def __init__(self, registry: CollectorRegistry) -> None:
+    def __init__(self, registry: CollectorRegistry, prices: Mapping[str, Price] | None = None) -> None:
         labels = ["role", "backend", "model"]
-        self._calls = Counter(
-            "vlm_gateway_calls", "Questions and chats by outcome.", [*labels, "outcome", "cache"], registry=registry
+        self._registry = registry
+        self._prices = dict(prices or {})
+        self._calls = self._counter("calls", "Questions and chats by outcome.", [*labels, "outcome", "cache"])
+        self._seconds = _Children(
+            Histogram(
+                "vlm_gateway_call_seconds",
+                "Time to an answer.",
+                [*labels, "cache"],
+                buckets=_BUCKETS,
+                registry=registry,
+            )
         )
-        self._seconds = Histogram(
-            "vlm_gateway_call_seconds", "Time to an answer.", [*labels, "cache"], buckets=_BUCKETS, registry=registry
+        self._tokens = self._counter("tokens", "Tokens spent, cache hits not counted.", ["model", "key", "kind"])
+        self._usd = self._counter("cost_usd", "US dollars spent, by the configured prices.", ["model", "key"])
+        self._cache_failures = self._counter("cache_failures", "Cache operations that failed.", ["operation", "kind"])
+        self._retries = self._counter("retries", "Calls to a server made again.", ["model", "after"])
+        self._fallbacks = self._counter("fallbacks", "Chats handed on to another model.", ["model", "to", "after"])
+        self._refused = self._counter("refused", "Requests refused for their key or its budget.", ["key", "code"])
+        names = ["gen_ai_operation_name", "gen_ai_provider_name", "gen_ai_request_model"]
+        self._duration = _Children(
+            Histogram(
+                "gen_ai_client_operation_duration_seconds",
+                "Time of a call to a model, retries and waiting included.",
+                [*names, "error_type"],
+                buckets=_BUCKETS,
+                registry=registry,
+            )
         )
-        self._tokens = Counter(
-            "vlm_gateway_tokens", "Tokens spent, cache hits not counted.", ["model", "kind"], registry=registry
-        )
-        self._cache_failures = Counter(
-            "vlm_gateway_cache_failures", "Cache operations that failed.", ["operation", "kind"], registry=registry
-        )
-        self._retries = Counter(
-            "vlm_gateway_retries", "Calls to a server made a second time.", ["model", "after"], registry=registry
+        self._usage = _Children(
+            Histogram(
+                "gen_ai_client_token_usage",
+                "Tokens of a call to a model.",
+                [*names, "gen_ai_token_type"],
+                buckets=_TOKEN_BUCKETS,
+                registry=registry,
+            )
         )
 
     def called(self, role: str, backend: str, model: str, outcome: str, cache: str, seconds: float) -> None:
-        self._calls.labels(role, backend, model, outcome, cache).inc()
-        self._seconds.labels(role, backend, model, cache).observe(seconds)
+        """A question or chat has its answer."""
+        self._calls.of(role, backend, model, outcome, cache).inc()
+        self._seconds.of(role, backend, model, cache).observe(seconds)
 
     def spent(self, model: str, tokens: Tokens) -> None:
-        self._tokens.labels(model, "prompt").inc(tokens.prompt)
-        self._tokens.labels(model, "completion").inc(tokens.completion)
+        """A model's answer was paid for, by whoever is asking."""
+        key = asking.get()
+        key.spend(tokens.prompt + tokens.completion)
+        self._tokens.of(model, key.name, "prompt").inc(tokens.prompt)
+        self._tokens.of(model, key.name, "completion").inc(tokens.completion)
+        if (price := self._prices.get(model)) is not None:
+            usd = (tokens.prompt * price.prompt + tokens.completion * price.completion) / 1e6
+            self._usd.of(model, key.name).inc(usd)
+
+    def model_called(
+        self, provider: str, model: str, seconds: float, tokens: Tokens | None = None, error: str = ""
+    ) -> None:
+        """A call to a model ended; `error` is the code of what went wrong."""
+        self._duration.of("chat", provider, model, error).observe(seconds)
+        if tokens is not None:
+            self._usage.of("chat", provider, model, "input").observe(tokens.prompt)
+            self._usage.of("chat", provider, model, "output").observe(tokens.completion)
 
     def cache_failed(self, operation: str, kind: str) -> None:
-        self._cache_failures.labels(operation, kind).inc()
+        self._cache_failures.of(operation, kind).inc()
 
     def retried(self, model: str, after: str) -> None:
-        self._retries.labels(model, after).inc()
+        self._retries.of(model, after).inc()
+
+    def fell_back(self, model: str, to: str, after: str) -> None:
+        self._fallbacks.of(model, to, after).inc()
+
+    def refused(self, key: str, code: str) -> None:
+        self._refused.of(key, code).inc()
+
+    def watch(self, gauges: Callable[[], Iterable[Metric]]) -> None:
+        """Read these at every look at the figures."""
+        self._registry.register(_Read(gauges))
+
+    def _counter(self, name: str, about: str, labels: list[str]) -> "_Children":
+        return _Children(Counter(f"vlm_gateway_{name}", about, labels, registry=self._registry))
+
+
+def gauge(name: str, about: str, by_model: Mapping[str, float]) -> Metric:
+    """One number per model, as it is now."""
+    family = GaugeMetricFamily(f"vlm_gateway_{name}", about, labels=["model"])
+    for model, value in sorted(by_model.items()):
+        family.add_metric([model], value)
+    return family
+
+
+class _Children:
+    """A metric's series by their labels, found with one look-up: the client library's own takes a lock and several."""
+
+    def __init__(self, metric: Counter | Histogram) -> None:
+        self._metric = metric
+        self._by_labels: dict[tuple[str, ...], Any] = {}
+
+    def of(self, *labels: str) -> Any:
+        child = self._by_labels.get(labels)
+        if child is None:
+            child = self._by_labels[labels] = self._metric.labels(*labels)
+        return child
+
+
+class _Read(Collector):
+    def __init__(self, gauges: Callable[[], Iterable[Metric]]) -> None:
+        self._gauges = gauges
+
+    def collect(self) -> Iterable[Metric]:
+        return self._gauges()

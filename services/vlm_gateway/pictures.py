@@ -1,5 +1,7 @@
 """Pictures as they come in: bounded and looked at, header only, before anybody decodes them."""
 
+from collections.abc import Callable
+
 from contracts.images import MAX_PIXELS, BadImage, JpegImage, decode_base64, image_header, jpeg_bytes
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import Picture
@@ -18,8 +20,9 @@ def picture_of(image: JpegImage) -> Picture:
     return Picture(data, header.width, header.height)
 
 
-def check_data_url(url: object, where: str) -> int:
+def check_data_url(url: object, where: str, cut_out: Callable[[str], bytes | None] = lambda _: None) -> int:
     """A pass-through picture: an inline JPEG or PNG whose header agrees and is within bounds. Returns its pixels.
+    `cut_out` gives the picture's bytes where something else stands in the URL for them.
 
     Raises BadQuestion: `no_urls` for anything that would have to be fetched, `bad_image` for the rest.
     """
@@ -37,7 +40,8 @@ def check_data_url(url: object, where: str) -> int:
             f"{where}: only inline JPEG and PNG pictures are taken, not {url[:_SHOWN]!r}", code="bad_image"
         )
     try:
-        header = image_header(decode_base64(url[len(prefix) :], where))
+        data = url[len(prefix) :]
+        header = image_header(cut_out(data) or decode_base64(data, where))
     except BadImage as error:
         raise BadQuestion(f"{where}: {error}" if where not in str(error) else str(error), code="bad_image") from None
     pixels = header.width * header.height

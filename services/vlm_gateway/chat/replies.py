@@ -126,6 +126,12 @@ class ReplyReader:
         return (said.replace(self._secret, "***") if self._secret else said), kind
 
 
+def tokens_of(usage: object) -> Tokens:
+    """The counts in OpenAI's `usage`; 0 where there are none."""
+    counts = usage if isinstance(usage, dict) else {}
+    return _tokens(counts.get("prompt_tokens"), counts.get("completion_tokens"))
+
+
 def retry_after_s(value: str | None) -> float | None:
     """Seconds from a Retry-After header, which holds seconds or a date; None where it holds neither."""
     if not value:
@@ -148,10 +154,7 @@ def _openai(reply: dict[str, Any]) -> Said | None:
     if not isinstance(choices, list):
         return None
     first = choices[0] if choices and isinstance(choices[0], dict) else {}
-    usage = reply.get("usage")
-    usage = usage if isinstance(usage, dict) else {}
-    tokens = _tokens(usage.get("prompt_tokens"), usage.get("completion_tokens"))
-    return Said(_message(first.get("message")), _text(first.get("finish_reason")), tokens)
+    return Said(_message(first.get("message")), _text(first.get("finish_reason")), tokens_of(reply.get("usage")))
 
 
 def _ollama(reply: dict[str, Any]) -> Said | None:

@@ -1,8 +1,7 @@
 """Which chat requests are let through: known fields only, bounded, pictures inline, one answer."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
-
-from pydantic_core import from_json
 
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.pictures import check_data_url
@@ -31,9 +30,13 @@ PASSED = frozenset(
         "parallel_tool_calls",
         "reasoning_effort",
         "stream_options",
+        "verbosity",
+        "top_k",
+        "min_p",
+        "repetition_penalty",
     }
 )
-DROPPED = frozenset({"user", "metadata", "store", "service_tier", "n"})
+DROPPED = frozenset({"user", "metadata", "store", "service_tier", "n", "prompt_cache_key", "safety_identifier"})
 """Taken, so that clients work unchanged, but not passed on: they tell the server about the caller or ask for more than
 one answer."""
 _OURS = frozenset({"model", "stream"})
@@ -41,8 +44,12 @@ _ROLES = frozenset({"system", "developer", "user", "assistant", "tool"})
 _MESSAGE = frozenset({"role", "content", "name", "tool_calls", "tool_call_id", "refusal", "reasoning_content"})
 
 
-class ChatAsk(NamedTuple):
-    """`body` is what goes to the server, except for its model name. `alias` is None where the client named none."""
+CutOut = Callable[[str], bytes | None]
+"""The bytes of a picture that was cut out of a request before it was parsed, or None where the text is none."""
+
+
+class Chat(NamedTuple):
+    """`body` is what the client sent, checked. `alias` is None where the client named no model."""
 
     alias: str | None
     body: dict[str, Any]
@@ -53,24 +60,20 @@ class ChatAsk(NamedTuple):
         return self.body.get("temperature") == 0
 
 
-def read_chat(raw: bytes) -> ChatAsk:
+def check_chat(body: object, cut_out: CutOut) -> Chat:
     """Raises BadQuestion (`invalid`, `unknown_field`, `no_urls`, `bad_image`)."""
-    try:
-        body = from_json(raw, allow_inf_nan=False)
-    except ValueError as error:
-        raise _invalid("body", f"not valid JSON: {str(error)[:200]}") from None
     if not isinstance(body, dict):
-        raise _invalid("body", "a JSON object is wanted")
+        raise invalid("body", "a JSON object is wanted")
     unknown = sorted(str(name)[:40] for name in set(body) - PASSED - DROPPED - _OURS)
     if unknown:
         message = f"unknown field{'s' if len(unknown) > 1 else ''} {', '.join(unknown[:8])}; known are "
         raise BadQuestion(message + ", ".join(sorted(PASSED | DROPPED | _OURS)), code="unknown_field")
     if body.get("n") not in (None, 1):
-        raise _invalid("n", "one answer a request is given; send n=1 or leave it out")
+        raise invalid("n", "one answer a request is given; send n=1 or leave it out")
     for name in ("max_tokens", "max_completion_tokens"):
         limit = body.get(name)
         if limit is not None and (not _is_int(limit) or not 1 <= limit <= MAX_TOKENS):
-            raise _invalid(name, f"a whole number from 1 to {MAX_TOKENS} is wanted")
+            raise invalid(name, f"a whole number from 1 to {MAX_TOKENS} is wanted")
     for name, low, high in (
         ("temperature", 0, 2),
         ("top_p", 0, 1),
@@ -81,38 +84,39 @@ def read_chat(raw: bytes) -> ChatAsk:
         if value is not None and (
             isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high
         ):
-            raise _invalid(name, f"a number from {low} to {high} is wanted")
+            raise invalid(name, f"a number from {low} to {high} is wanted")
     stream = body.get("stream", False)
-    if stream not in (None, True, False):
-        raise _invalid("stream", "true or false is wanted")
+    if stream is not None and not isinstance(stream, bool):
+        raise invalid("stream", "true or false is wanted")
     alias = body.get("model")
     if alias is not None and (not isinstance(alias, str) or not alias or len(alias) > 80):
-        raise _invalid("model", "the alias of a model is wanted; GET /v1/models lists them")
-    _check_messages(body.get("messages"))
-    passed = {name: value for name, value in body.items() if name in PASSED and value is not None}
-    return ChatAsk(alias, passed, bool(stream))
+        raise invalid("model", "the alias of a model is wanted; GET /v1/models lists them")
+    _check_messages(body.get("messages"), cut_out)
+    return Chat(alias, body, bool(stream))
 
 
-def _check_messages(messages: object) -> None:
+def _check_messages(messages: object, cut_out: CutOut) -> None:
     if not isinstance(messages, list) or not 1 <= len(messages) <= MAX_MESSAGES:
-        raise _invalid("messages", f"a list of 1 to {MAX_MESSAGES} messages is wanted")
+        raise invalid("messages", f"a list of 1 to {MAX_MESSAGES} messages is wanted")
     pictures = 0
     for at, message in enumerate(messages):
         where = f"messages.{at}"
         if not isinstance(message, dict) or message.get("role") not in _ROLES:
-            raise _invalid(f"{where}.role", f"one of {', '.join(sorted(_ROLES))} is wanted")
+            raise invalid(f"{where}.role", f"one of {', '.join(sorted(_ROLES))} is wanted")
         if unknown := sorted(str(name)[:40] for name in set(message) - _MESSAGE):
             raise BadQuestion(f"{where}: unknown field {unknown[0]}", code="unknown_field")
         content = message.get("content")
         if isinstance(content, list):
-            pictures += sum(_check_part(part, f"{where}.content.{index}") for index, part in enumerate(content))
+            pictures += sum(
+                _check_part(part, f"{where}.content.{index}", cut_out) for index, part in enumerate(content)
+            )
         elif content is not None and not isinstance(content, str):
-            raise _invalid(f"{where}.content", "a text or a list of parts is wanted")
+            raise invalid(f"{where}.content", "a text or a list of parts is wanted")
     if pictures > MAX_PICTURES:
-        raise _invalid("messages", f"at most {MAX_PICTURES} pictures a request are taken, not {pictures}")
+        raise invalid("messages", f"at most {MAX_PICTURES} pictures a request are taken, not {pictures}")
 
 
-def _check_part(part: object, where: str) -> int:
+def _check_part(part: object, where: str, cut_out: CutOut) -> int:
     """How many pictures the part is: 0 or 1."""
     kind = part.get("type") if isinstance(part, dict) else None
     if isinstance(part, dict) and kind == "text" and isinstance(part.get("text"), str) and len(part) == 2:
@@ -120,16 +124,17 @@ def _check_part(part: object, where: str) -> int:
     if isinstance(part, dict) and kind == "image_url" and len(part) == 2:
         image = part.get("image_url")
         if isinstance(image, dict) and not set(image) - {"url", "detail"}:
-            check_data_url(image.get("url"), where)
+            check_data_url(image.get("url"), where, cut_out)
             return 1
-    raise _invalid(where, 'a part is {"type": "text", "text": ...} or {"type": "image_url", "image_url": {"url": ...}}')
+    raise invalid(where, 'a part is {"type": "text", "text": ...} or {"type": "image_url", "image_url": {"url": ...}}')
 
 
 def _is_int(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
 
 
-def _invalid(where: str, problem: str) -> BadQuestion:
+def invalid(where: str, problem: str) -> BadQuestion:
+    """What is wrong with the field at `where`."""
     return BadQuestion(
         f"{where}: {problem}", code="invalid", details={"problems": [{"field": where, "problem": problem}]}
     )

@@ -40,6 +40,7 @@ class Upstream:
     """One model of one server. Use `close` when done."""
 
     def __init__(self, model: ChatModel, key: str | None, retried: Callable[[str], None]) -> None:
+        self.key = key
         self._model = model
         self._alias = model.alias
         self._url = model.base_url + "/chat/completions"

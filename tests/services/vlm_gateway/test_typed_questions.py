@@ -261,7 +261,7 @@ def test_a_gigabyte_is_refused_before_it_is_sent(serve: Serve) -> None:
 
 def test_status_models_and_readiness_tell_what_is_there(serve: Serve, mock: OpenAiMock, tmp_path: Path) -> None:
     backends: dict[str, Backend] = {"m": chat_backend(mock, key="sk-1"), "s": scripted()}
-    url = serve(build(backends, cache=sqlite_cache(tmp_path), token=None).app)
+    url = serve(build(backends, cache=sqlite_cache(tmp_path)).app)
     listed = httpx.get(url + "/v1/models").json()
     assert [(model["id"], model["chat"]) for model in listed["data"]] == [("m", True), ("s", False)]
     state = httpx.get(url + "/v1/status")

@@ -1,0 +1,312 @@
+"""`POST /v1/chat/completions` from the first byte to the last, in front of the framework that serves everything else.
+
+    whose request is it, and may it    key, budgets                              `_chat`
+    what is in it                      body, bounded; pictures cut out           `_body`, scan
+    is it known                        hash of tenant, configuration, raw body   `_known`
+    is it sound                        fields, pictures' headers                 scan.read
+    is it being asked                  one call for all who ask the same         Flights, Broadcast
+    ask                                target by target, as configured           Models.whole, Models.events
+    answer, keep, count
+
+The answer's bytes are the model server's own.
+"""
+
+import asyncio
+import json
+from functools import partial
+from typing import NamedTuple
+
+from blake3 import blake3
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from contracts.errors import ErrorBody, ErrorDetail
+from service_kit.errors import ServiceError, error_response
+from service_kit.metrics import HttpMetrics
+from services.vlm_gateway.cache.guard import GuardedCache
+from services.vlm_gateway.cache.port import CacheDown
+from services.vlm_gateway.errors import (
+    CacheUnavailable,
+    ModelOverloaded,
+    NotRecorded,
+)
+from services.vlm_gateway.flights import Flights
+from services.vlm_gateway.hot.log import RequestLog
+from services.vlm_gateway.hot.models import Answered, Errand, Models
+from services.vlm_gateway.hot.relay import Broadcast
+from services.vlm_gateway.hot.scan import Scanned, read, scan
+from services.vlm_gateway.hot.visit import Head, Stored, Visit, head_of
+from services.vlm_gateway.hot.watch import Watch, too_late
+from services.vlm_gateway.keys import Forbidden, Key, Keys, asking
+from services.vlm_gateway.metrics import GatewayMetrics
+
+PATH = "/v1/chat/completions"
+OPEN_PATHS = frozenset({"/healthz", "/readyz"})
+ADMIN_PATHS = frozenset({"/metrics", "/v1/status"})
+BIG_SKELETON_BYTES = 256 * 1024
+"""From here on what is left of a body is parsed in a thread, so that other callers are still answered."""
+BODY_WITHIN_S = 30.0
+MAX_HELD_BYTES = 512 * 1024 * 1024
+FORMAT = b"2"
+"""Part of every key; raise it when the form of the stored answers changes."""
+
+_JSON = b"application/json"
+_EVENTS = b"text/event-stream; charset=utf-8"
+
+
+class Limits(NamedTuple):
+    """`max_body_bytes` of one request, `max_held_bytes` of all under way together."""
+
+    max_body_bytes: int
+    max_held_bytes: int = MAX_HELD_BYTES
+
+
+class HotDoor:
+    """ASGI middleware in front of all routes: keys for every one of them, and the whole of this one."""
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        models: Models,
+        keys: Keys,
+        cache: GuardedCache | None,
+        metrics: GatewayMetrics,
+        http: HttpMetrics,
+        log: RequestLog,
+        limits: Limits,
+    ) -> None:
+        self._app = app
+        self._default = models.default or ""
+        self._keys = keys
+        self._cache = cache
+        self._metrics = metrics
+        self._http = http
+        self._log = log
+        self._limits = limits
+        self._models = models
+        self._held = 0
+        self._flights: Flights[Answered] = Flights()
+        self._streams: dict[str, Broadcast] = {}
+        self._hashes: dict[Key, blake3] = {}
+        self._configured = blake3(FORMAT + json.dumps(models.fingerprint).encode()).digest()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+        elif scope["path"] == PATH and scope["method"] == "POST":
+            await self._chat(scope, receive, send)
+        else:
+            await self._other(scope, receive, send)
+
+    async def _other(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Everything else: the same keys and budgets, then the framework."""
+        path = scope["path"]
+        if path in OPEN_PATHS:
+            await self._app(scope, receive, send)
+            return
+        counted = scope["method"] == "POST" and path.startswith("/v1/")
+        try:
+            key = self._keys.of(head_of(scope).authorization)
+            if path in ADMIN_PATHS and not key.admin:
+                raise Forbidden("this key may not read the gateway's figures; use the operator's, or one with admin")
+            if counted:
+                key.enter()
+        except ServiceError as error:
+            self._metrics.refused("", error.code)
+            await _tell(error, scope, receive, send)
+            self._http.requests.labels("refused", scope["method"], str(error.status)).inc()
+            return
+        asking.set(key)
+        try:
+            await self._app(scope, receive, send)
+        finally:
+            if counted:
+                key.leave()
+
+    async def _chat(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One chat, its errors and its figures."""
+        visit = Visit(send)
+        self._http.in_flight.inc()
+        try:
+            key = self._keys.of(head_of(scope).authorization)
+            visit.key = key
+            key.enter()
+            asking.set(key)
+            try:
+                await self._watched(scope, receive, visit)
+            finally:
+                key.leave()
+        except ServiceError as error:
+            visit.outcome = error.code
+            if error.status in (401, 429):
+                self._metrics.refused(visit.key.name, error.code)
+            if not visit.started:
+                visit.status = error.status
+                await _tell(error, scope, receive, send)
+            elif error.status != 499:
+                await send({"type": "http.response.body", "body": _event(error)})
+        finally:
+            self._http.in_flight.dec()
+            self._count(visit)
+
+    async def _watched(self, scope: Scope, receive: Receive, visit: Visit) -> None:
+        """The chat, for as long as its caller stays and is going to wait."""
+        watch = Watch(receive)
+        held = 0
+        try:
+            head = head_of(scope)
+            limit_s = head.timeout_s
+            watch.limit(BODY_WITHIN_S, ServiceError("the body did not come in time", code="slow_body", status=408))
+            raw = await self._body(head, receive)
+            held = len(raw)
+            self._held += held
+            if limit_s is None:
+                watch.limit(None)
+            else:
+                watch.limit(max(0.001, limit_s - visit.took_s()), too_late(limit_s))
+            watch.caller()
+            await self._served(head, raw, visit)
+        except asyncio.CancelledError:
+            if watch.why is None:
+                raise
+            task = asyncio.current_task()
+            assert task is not None
+            task.uncancel()
+            raise watch.why from None
+        finally:
+            self._held -= held
+            watch.close()
+
+    async def _body(self, head: Head, receive: Receive) -> bytes:
+        """The request's body, bounded while it comes in."""
+        limit = self._limits.max_body_bytes
+        if head.length > limit:
+            raise _too_large(limit)
+        if self._held + head.length > self._limits.max_held_bytes:
+            raise ModelOverloaded("the gateway holds as many bytes of requests as it may; ask again later")
+        message = await receive()
+        body: bytes = message.get("body", b"")
+        if message.get("more_body", False):
+            pieces, size = [body], len(body)
+            while message.get("more_body", False):
+                message = await receive()
+                pieces.append(message.get("body", b""))
+                size += len(pieces[-1])
+                if size > limit:
+                    raise _too_large(limit)
+            body = b"".join(pieces)
+        if message["type"] == "http.disconnect":
+            raise ServiceError("the caller has left", code="caller_left", status=499)
+        if len(body) > limit:
+            raise _too_large(limit)
+        return body
+
+    async def _served(self, head: Head, raw: bytes, visit: Visit) -> None:
+        scanned = scan(raw)
+        cache, digest = self._cache, ""
+        replay = cache is not None and cache.mode == "replay"
+        if cache is not None and (replay or (scanned.says_temperature_0 if head.cache is None else head.cache)):
+            visit.cache = "miss"
+            digest = self._digest(visit.key, scanned)
+            if (stored := await self._known(digest, cache)) is not None:
+                visit.alias, visit.cache = stored.alias, "hit"
+                await visit.answer(stored.body, _EVENTS if stored.stream else _JSON)
+                return
+        big = len(scanned.skeleton) > BIG_SKELETON_BYTES
+        scanned, chat = await asyncio.to_thread(read, scanned) if big else read(scanned)
+        if digest and not (chat.deterministic or head.cache or replay):
+            digest, visit.cache = "", "off"
+        errand = Errand(self._models.asked(chat, visit.key), scanned, chat, head.trace, digest)
+        visit.alias = errand.targets[0].alias
+        if replay:
+            message = f"this chat with model {visit.alias!r} is not in the recording at {cache.place if cache else ''}"
+            raise NotRecorded(message, details={"key": digest})
+        if chat.stream:
+            await self._stream(errand, visit)
+        elif digest:
+            landed = await self._flights.share(digest, partial(self._models.whole, errand))
+            visit.cache = "hit" if landed.shared else "miss"
+            await visit.answer(landed.value.body, _JSON, landed.value.alias)
+        else:
+            answered = await self._models.whole(errand)
+            await visit.answer(answered.body, _JSON, answered.alias)
+
+    def _digest(self, key: Key, scanned: Scanned) -> str:
+        """What an answer is kept under: everything that says who may have it and what it depends on."""
+        prefix = self._hashes.get(key)
+        if prefix is None:
+            may = None if key.models is None else sorted(key.models)
+            prefix = blake3(self._configured + json.dumps([key.tenant, may]).encode() + b"\n")
+            self._hashes[key] = prefix
+        digest = prefix.copy()
+        digest.update(scanned.raw)
+        if b'"model"' not in scanned.skeleton:
+            digest.update(b"\n" + self._default.encode())
+        return digest.hexdigest()
+
+    async def _known(self, digest: str, cache: GuardedCache) -> Stored | None:
+        """What is kept under `digest`. Raises CacheUnavailable in replay mode."""
+        if self._flights.flies(digest) or digest in self._streams:
+            return None  # it is being asked, so it was not known a moment ago
+        try:
+            value = await cache.get(digest)
+        except CacheDown as error:
+            raise CacheUnavailable(f"the recording can't be read: {error}") from None
+        if value is None:
+            return None
+        stored = Stored.read(value)
+        if stored is None:
+            self._metrics.cache_failed("get", "unreadable")
+        return stored
+
+    async def _stream(self, errand: Errand, visit: Visit) -> None:
+        """A stream relayed as it comes. Errors before the first event leave as ordinary error answers, one in the
+        middle as a last event."""
+        if errand.digest:
+            broadcast = self._streams.get(errand.digest)
+            visit.cache = "miss" if broadcast is None else "hit"
+            if broadcast is None:
+                broadcast = Broadcast(self._models.events(errand), partial(self._streams.pop, errand.digest, None))
+                self._streams[errand.digest] = broadcast
+            pieces = broadcast.read()
+        else:
+            pieces = self._models.events(errand)
+        try:
+            async for piece in pieces:
+                await visit.piece(piece, _EVENTS)
+        finally:
+            await pieces.aclose()
+        await visit.end()
+
+    def _count(self, visit: Visit) -> None:
+        took_s = visit.took_s()
+        self._http.requests.labels(PATH, "POST", str(visit.status)).inc()
+        self._http.seconds.labels(PATH, "POST").observe(took_s)
+        if visit.alias:
+            self._metrics.called("chat", "chat", visit.alias, visit.outcome, visit.cache, took_s)
+        if self._log.wants(visit.status):
+            self._log.add(
+                status=visit.status,
+                outcome=visit.outcome,
+                model=visit.alias,
+                key=visit.key.name,
+                cache=visit.cache,
+                ms=round(took_s * 1000, 2),
+                answer_bytes=visit.sent,
+            )
+
+
+async def _tell(error: ServiceError, scope: Scope, receive: Receive, send: Send) -> None:
+    answer = error_response(error.status, error.code, error.message, error.details, error.headers)
+    if error.status in (408, 413):
+        answer.headers["connection"] = "close"  # what is left of the body is not going to be read
+    await answer(scope, receive, send)
+
+
+def _event(error: ServiceError) -> bytes:
+    body = ErrorBody(error=ErrorDetail(code=error.code, message=error.message, details=error.details))
+    return b"\n\ndata: " + body.model_dump_json().encode() + b"\n\n"  # first ends whatever line was cut
+
+
+def _too_large(limit: int) -> ServiceError:
+    message = f"the body is over this route's limit of {limit} bytes; send less"
+    return ServiceError(message, code="body_too_large", status=413)

@@ -1,0 +1,378 @@
+"""Kept-alive HTTP/1.1 connections to one server: send bytes, get a whole reply or a stream of pieces.
+
+BrokenReply               nothing usable came; `reason` says what went wrong
+  connect      no connection (refused, unknown name, TLS)
+  no_reply     the connection ended before the first byte of a reply
+  cut          ... in the middle of one
+  garbage      what came is not HTTP/1.1, or in an encoding that was not asked for
+  too_large    the head or the body is over its bound
+  late         the deadline passed
+
+Parsing is llhttp's (through httptools). What is ours is everything round it: which connections may be used again, what
+the end of a connection means for a reply, and that nothing waits or grows without a bound.
+"""
+
+import asyncio
+import ssl
+from collections import deque
+from collections.abc import Sequence
+from typing import NamedTuple, cast
+
+import httptools
+
+MAX_HEAD_BYTES = 64 * 1024
+HIGH_WATER_BYTES = 256 * 1024
+"""A stream whose reader is slower than the server is not read beyond this."""
+IDLE_S = 4.0
+"""Connections unused for longer are not used again: common servers close theirs after 5 s."""
+MAX_IDLE = 256
+
+Buffer = bytes | memoryview
+
+
+class BrokenReply(Exception):
+    def __init__(self, reason: str, what: str) -> None:
+        super().__init__(what)
+        self.reason = reason
+
+
+class Server(NamedTuple):
+    """Where to connect; `tls` is None for plain HTTP."""
+
+    host: str
+    port: int
+    tls: ssl.SSLContext | None
+
+
+class Reply(NamedTuple):
+    """Header names are in lower case; of repeated headers the last one counts."""
+
+    status: int
+    headers: dict[bytes, bytes]
+    body: bytes
+
+
+class Stream:
+    """A reply whose head has come. Read `piece()` until it is empty, or `close()` to break it off."""
+
+    def __init__(self, connection: "_Connection", status: int, headers: dict[bytes, bytes]) -> None:
+        self._connection = connection
+        self._over = False
+        self.status = status
+        self.headers = headers
+
+    async def piece(self, deadline: float) -> bytes:
+        """What has come since, at least one byte; empty at the reply's end. Raises BrokenReply."""
+        if self._over:
+            return b""
+        piece = await self._connection.piece(deadline)
+        if not piece:
+            self._over = True
+            self._connection.release()
+        return piece
+
+    async def rest(self, deadline: float, max_bytes: int) -> bytes:
+        """All that is left. Raises BrokenReply."""
+        pieces, size = [], 0
+        while piece := await self.piece(deadline):
+            pieces.append(piece)
+            size += len(piece)
+            if size > max_bytes:
+                self.close()
+                raise BrokenReply("too_large", f"the reply is over {max_bytes} bytes")
+        return b"".join(pieces)
+
+    def close(self) -> None:
+        """Let go of the connection; it is kept for others where the reply had ended."""
+        if not self._over:
+            self._over = True
+            self._connection.release()
+
+
+class Pool:
+    """Connections to one server, the most recently used first. Deadlines are of the event loop's clock."""
+
+    def __init__(self, server: Server, *, connect_timeout_s: float = 3.0, idle_s: float = IDLE_S) -> None:
+        self._server = server
+        self._connect_timeout_s = connect_timeout_s
+        self._idle_s = idle_s
+        self._idle: deque[_Connection] = deque()
+        self._live: set[_Connection] = set()
+        self._closed = False
+
+    @property
+    def idle(self) -> int:
+        return len(self._idle)
+
+    @property
+    def live(self) -> int:
+        return len(self._live)
+
+    async def whole(self, request: Sequence[Buffer], deadline: float, max_bytes: int) -> Reply:
+        """Send `request`, head and body, and wait for all of the reply. Raises BrokenReply."""
+        connection = await self._sent(request, deadline, max_bytes)
+        return Reply(connection.status, connection.headers, connection.taken())
+
+    async def stream(self, request: Sequence[Buffer], deadline: float) -> Stream:
+        """Send `request` and wait for the reply's head. Raises BrokenReply."""
+        connection = await self._sent(request, deadline, None)
+        return Stream(connection, connection.status, connection.headers)
+
+    def close(self) -> None:
+        self._closed = True
+        for connection in list(self._live):
+            connection.leave()
+
+    async def _sent(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> "_Connection":
+        if connection := self._unused():
+            try:
+                return await connection.send(request, deadline, max_bytes)
+            except BrokenReply as broken:
+                # The server closed a kept connection as we wrote to it: the request is as good as not sent. On a
+                # connection of its own the same end says something about the server, and is told.
+                if broken.reason != "no_reply":
+                    raise
+        return await (await self._connected(deadline)).send(request, deadline, max_bytes)
+
+    def _unused(self) -> "_Connection | None":
+        now = asyncio.get_running_loop().time()
+        while self._idle:
+            connection = self._idle.pop()
+            if now - connection.idle_since < self._idle_s and not connection.is_closing():
+                return connection
+            connection.leave()
+            while self._idle:  # whatever lies below was left earlier still
+                self._idle.popleft().leave()
+        return None
+
+    async def _connected(self, deadline: float) -> "_Connection":
+        loop = asyncio.get_running_loop()
+        limit = min(deadline, loop.time() + self._connect_timeout_s)
+        host, port, tls = self._server
+        try:
+            async with asyncio.timeout_at(limit):
+                _, connection = await loop.create_connection(
+                    lambda: _Connection(self), host, port, ssl=tls, server_hostname=host if tls else None
+                )
+        except TimeoutError:
+            late = limit == deadline
+            raise BrokenReply("late" if late else "connect", "no connection in time") from None
+        except (OSError, ssl.SSLError) as error:
+            raise BrokenReply("connect", f"no connection ({type(error).__name__})") from None
+        return connection
+
+    def _opened(self, connection: "_Connection") -> None:
+        self._live.add(connection)
+
+    def _left(self, connection: "_Connection") -> None:
+        self._live.discard(connection)
+        if connection in self._idle:
+            self._idle.remove(connection)
+
+    def _back(self, connection: "_Connection") -> None:
+        if self._closed or len(self._idle) >= MAX_IDLE:
+            connection.leave()
+        else:
+            self._idle.append(connection)
+
+
+class _Connection(asyncio.Protocol):
+    """One connection and the one exchange on it. After an exchange it goes back to the pool, or it is closed."""
+
+    def __init__(self, pool: Pool) -> None:
+        self._pool = pool
+        self._loop = asyncio.get_running_loop()
+        self._transport: asyncio.Transport | None = None
+        self._parser = httptools.HttpResponseParser(self)
+        self._max_bytes: int | None = None
+        self._waiter: asyncio.Future[None] | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._broken: BrokenReply | None = None
+        self._busy = False
+        self._paused = False
+        self.idle_since = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        self.status = 0
+        self.headers: dict[bytes, bytes] = {}
+        self._head_seen = False
+        self._complete = False
+        self._reusable = False
+        self._until_end = False
+        self._head_bytes = 0
+        self._size = 0
+        self._pieces: list[bytes] = []
+
+    # -- what the pool and the stream ask for
+
+    async def send(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> "_Connection":
+        """Until the whole reply has come, or without `max_bytes` its head. Raises BrokenReply."""
+        assert self._transport is not None
+        self._begin()
+        self._busy = True
+        self._max_bytes = max_bytes
+        self._transport.writelines(request)
+        await self._wait(deadline)
+        return self
+
+    async def piece(self, deadline: float) -> bytes:
+        while not self._pieces and not self._complete:
+            await self._wait(deadline)
+        return self.taken()
+
+    def taken(self) -> bytes:
+        """What has come of the body since it was asked for last."""
+        pieces, self._pieces = self._pieces, []
+        if self._paused and self._transport is not None:
+            self._paused = False
+            self._size = 0
+            self._transport.resume_reading()
+        elif self._max_bytes is None:
+            self._size = 0
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+    def release(self) -> None:
+        """The exchange is over: back to the pool, or closed where something of it is still to come."""
+        self._busy = False
+        if self._complete and self._reusable and not self.is_closing():
+            self.idle_since = self._loop.time()
+            self._loop.call_soon(self._return)
+        else:
+            self.leave()
+
+    def is_closing(self) -> bool:
+        return self._transport is None or self._transport.is_closing()
+
+    def leave(self) -> None:
+        """Close at once, whatever is under way."""
+        self._pool._left(self)
+        if self._transport is not None:
+            self._transport.abort()
+
+    async def _wait(self, deadline: float) -> None:
+        if self._broken is not None:
+            raise self._broken
+        self._waiter = self._loop.create_future()
+        self._timer = self._loop.call_at(deadline, self._late)
+        try:
+            await self._waiter
+        except BaseException:
+            self.leave()  # cancelled or broken: the rest of this exchange must not meet the next one
+            raise
+        finally:
+            self._timer.cancel()
+            self._waiter = None
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    def _late(self) -> None:
+        self._fail(BrokenReply("late", "no reply in time"))
+
+    def _fail(self, broken: BrokenReply) -> None:
+        self._broken = self._broken or broken
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_exception(self._broken)
+        self.leave()
+
+    # -- what the transport tells
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+        self._pool._opened(self)
+
+    def data_received(self, data: bytes) -> None:
+        if not self._busy or self._complete:
+            self.leave()  # nobody asked: no reply of ours can follow on this connection
+            return
+        if not self._head_seen:
+            self._head_bytes += len(data)
+        try:
+            self._parser.feed_data(data)
+        except BrokenReply as broken:  # ours, raised in one of the callbacks below
+            self._fail(broken)
+        except httptools.HttpParserCallbackError as error:
+            cause = error.__context__
+            self._fail(cause if isinstance(cause, BrokenReply) else BrokenReply("garbage", "the reply is not HTTP"))
+        except (httptools.HttpParserError, httptools.HttpParserUpgrade):
+            if self._complete:
+                self.leave()  # something behind a whole reply: that reply stands, the connection doesn't
+            else:
+                self._fail(BrokenReply("garbage", "the reply is not HTTP"))
+        else:
+            if not self._head_seen and self._head_bytes > MAX_HEAD_BYTES:
+                self._fail(BrokenReply("too_large", f"the reply's head is over {MAX_HEAD_BYTES} bytes"))
+
+    def eof_received(self) -> bool:
+        return False  # and with that the transport closes and connection_lost tells
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._pool._left(self)
+        if not self._busy or self._complete:
+            return
+        if self._until_end and self._head_seen and error is None:
+            self._finish()
+        elif self._head_bytes == 0:
+            self._fail(BrokenReply("no_reply", "the connection ended before a reply"))
+        else:
+            self._fail(BrokenReply("cut", "the reply broke off"))
+
+    # -- what the parser tells
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        if not self._head_seen:
+            self.headers[name.lower()] = value
+
+    def on_headers_complete(self) -> None:
+        self.status = self._parser.get_status_code()
+        if self.status < 200:
+            return  # 100 and 103 announce a reply; on_message_complete clears them away
+        if self._head_bytes > MAX_HEAD_BYTES + HIGH_WATER_BYTES:
+            raise BrokenReply("too_large", f"the reply's head is over {MAX_HEAD_BYTES} bytes")
+        if self.headers.get(b"content-encoding", b"identity").lower() not in (b"identity", b""):
+            raise BrokenReply("garbage", "the reply is compressed, which was not asked for")
+        self._head_seen = True
+        framed = b"content-length" in self.headers or b"transfer-encoding" in self.headers
+        self._until_end = not framed and self.status not in (204, 304)
+        if self._max_bytes is None:
+            self._wake()
+
+    def on_body(self, body: bytes) -> None:
+        self._pieces.append(body)
+        self._size += len(body)
+        if self._max_bytes is None:
+            if self._size > HIGH_WATER_BYTES and not self._paused and self._transport is not None:
+                self._paused = True
+                self._transport.pause_reading()
+            self._wake()
+        elif self._size > self._max_bytes:
+            raise BrokenReply("too_large", f"the reply is over {self._max_bytes} bytes")
+
+    def on_message_complete(self) -> None:
+        if self.status < 200:
+            self.headers = {}
+            self._head_bytes = 1  # a reply has begun: its loss is no stale connection's
+            return
+        self._finish()
+
+    def _finish(self) -> None:
+        self._complete = True
+        transport = self._transport
+        # a reply that came before the request was through (413, 401) leaves half a request on the line
+        self._reusable = (
+            transport is not None
+            and not self._until_end
+            and self._parser.should_keep_alive()
+            and transport.get_write_buffer_size() == 0
+            and not transport.is_closing()
+        )
+        self._wake()
+        if self._max_bytes is not None:
+            self.release()  # a stream is released once its last piece was read
+
+    def _return(self) -> None:
+        # one turn later, so that bytes behind the reply's end are noticed before the connection is used again
+        if not self.is_closing() and not self._busy:
+            self._pool._back(self)

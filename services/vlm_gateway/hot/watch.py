@@ -1,0 +1,61 @@
+"""Ends the work for a request whose caller has left, or is not going to wait any longer."""
+
+import asyncio
+
+from starlette.types import Receive
+
+from service_kit.errors import ServiceError
+from services.vlm_gateway.errors import ModelTimeout
+
+PATIENCE_S = 0.05
+"""Callers are watched from here on: most answers are there before, and watching costs a task."""
+
+
+class Watch:
+    """Made in the task that serves the request. Where it ends the work, that task is cancelled and `why` says why."""
+
+    def __init__(self, receive: Receive) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._task = task
+        self._receive = receive
+        self._loop = asyncio.get_running_loop()
+        self._timer: asyncio.TimerHandle | None = None
+        self._patience: asyncio.TimerHandle | None = None
+        self._watcher: asyncio.Task[None] | None = None
+        self.why: ServiceError | None = None
+
+    def limit(self, after_s: float | None, why: ServiceError | None = None) -> None:
+        """End the work after so long; this replaces an earlier limit, and None takes it away."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None if after_s is None or why is None else self._loop.call_later(after_s, self._end, why)
+
+    def caller(self) -> None:
+        """From now on (or rather, a moment later) end the work when the caller leaves. The request's body must have
+        been read."""
+        self._patience = self._loop.call_later(PATIENCE_S, self._begin)
+
+    def close(self) -> None:
+        for timer in (self._timer, self._patience):
+            if timer is not None:
+                timer.cancel()
+        if self._watcher is not None:
+            self._watcher.cancel()
+
+    def _begin(self) -> None:
+        self._watcher = self._loop.create_task(self._gone())
+
+    async def _gone(self) -> None:
+        while (await self._receive())["type"] != "http.disconnect":
+            pass
+        self._end(ServiceError("the caller has left", code="caller_left", status=499))
+
+    def _end(self, why: ServiceError) -> None:
+        self.why = self.why or why
+        self._task.cancel()
+
+
+def too_late(limit_s: float) -> ModelTimeout:
+    """The caller's own deadline passed."""
+    return ModelTimeout(f"no answer within the caller's {limit_s:g} s")
