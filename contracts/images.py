@@ -149,8 +149,12 @@ def decode_depth_units(depth: DepthMap) -> NDArray[np.uint16]:
 
 def decode_depth(depth: DepthMap) -> NDArray[np.float32]:
     """(H, W) float32 metres along the optical axis; inf where nothing was hit, nan where invalid. Raises BadImage."""
-    units = decode_depth_units(depth)
-    metres = units.astype(np.float32) * np.float32(depth.metres_per_unit)
+    return depth_in_metres(decode_depth_units(depth), depth.metres_per_unit)
+
+
+def depth_in_metres(units: NDArray[np.uint16], metres_per_unit: float) -> NDArray[np.float32]:
+    """float32 metres, of the same shape; inf where nothing was hit, nan where invalid."""
+    metres = units.astype(np.float32) * np.float32(metres_per_unit)
     metres[units == NO_RETURN] = np.inf
     metres[units == INVALID] = np.nan
     return metres

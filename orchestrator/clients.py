@@ -36,7 +36,7 @@ from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
 
-MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "not_recorded"})
+MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"})
 """The error codes by which a service says that it is well but its model did not answer."""
 
 MODEL_DEADLINE_S = 180.0

@@ -24,6 +24,10 @@ PICTURE_NAME = re.compile(r"[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg")
 DELIVERY_ID = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{6}")
 
 
+Pictures = Callable[[], Mapping[str, bytes]]
+"""Makes JPEG files by a short name: called only by a log that keeps them."""
+
+
 class Log(Protocol):
     """Where a mission writes what happens."""
 
@@ -33,9 +37,9 @@ class Log(Protocol):
         kind: str,
         message: str,
         data: Mapping[str, Any] | None = None,
-        pictures: Mapping[str, bytes] | None = None,
+        pictures: Pictures | None = None,
     ) -> None:
-        """One event; `pictures` are JPEG files by a short name."""
+        """One event, with its pictures."""
         ...
 
 
@@ -66,11 +70,11 @@ class Record:
         kind: str,
         message: str,
         data: Mapping[str, Any] | None = None,
-        pictures: Mapping[str, bytes] | None = None,
+        pictures: Pictures | None = None,
     ) -> None:
         self._number += 1
         names = []
-        for short, jpeg in (pictures or {}).items():
+        for short, jpeg in (pictures() if pictures is not None else {}).items():
             name = f"{self._number:04d}_{short}.jpg"
             (self.folder / "pictures" / name).write_bytes(jpeg)
             names.append(name)

@@ -106,9 +106,9 @@ def facade_returns(sights: list[Sight]) -> list[tuple[float, float]]:
     """Where the middle rows of some views hit something: plan points in metres, for drawing only."""
     points = []
     for sight in sights:
-        height, width = sight.depth_m.shape
+        width, height = sight.size
         camera = pinhole(width, height)
-        row = sight.depth_m[height // 2]
+        row = sight.depth_row_m(height // 2)
         for column in np.linspace(0, width - 1, FACADE_SAMPLES).astype(int):
             depth = float(row[column])
             if math.isfinite(depth) and 0.0 < depth < 40.0:

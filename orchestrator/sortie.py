@@ -5,19 +5,19 @@ import time
 from collections.abc import Awaitable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contracts.depth_assist import ViewDepth
 from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point3, Pose
-from contracts.images import BadImage, decode_depth, decode_jpeg, jpeg_bytes
+from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.orchestrator import MissionSettings, OutcomeName, Phase, Stop
 from contracts.sim import Episode, Move, MoveResult, Observation, SensedView
 from orchestrator.asking import CallBook
 from orchestrator.ports import Ports, ServiceRefused
-from orchestrator.record import Log
+from orchestrator.record import Log, Pictures
 
 T = TypeVar("T")
 
@@ -29,6 +29,13 @@ class MissionEnd(Exception):
         super().__init__(message)
         self.outcome = outcome
         self.message = message
+
+
+class Size(NamedTuple):
+    """Of a picture, in pixels."""
+
+    width: int
+    height: int
 
 
 @dataclass(frozen=True)
@@ -50,18 +57,32 @@ class Sight:
 
     @cached_property
     def depth_m(self) -> NDArray[np.float32]:
+        return depth_in_metres(self._units, self._depth.metres_per_unit)
+
+    def depth_row_m(self, row: int) -> NDArray[np.float32]:
+        """(W,) one row of `depth_m`, where the rest of it is not needed."""
+        return depth_in_metres(self._units[row], self._depth.metres_per_unit)
+
+    @cached_property
+    def _units(self) -> NDArray[np.uint16]:
+        return decode_depth_units(self._depth)
+
+    @property
+    def _depth(self) -> DepthMap:
         if self.view.depth is None:
             raise ServiceRefused("the world sent a view without depth", code="garbled", status=502)
-        return decode_depth(self.view.depth)
+        return self.view.depth
+
+    @property
+    def size(self) -> Size:
+        return Size(self._depth.width, self._depth.height)
 
     @property
     def depth_view(self) -> ViewDepth:
         """The depth as it came, to be sent on."""
-        if self.view.depth is None:
-            raise ServiceRefused("the world sent a view without depth", code="garbled", status=502)
-        return ViewDepth(heading_deg=self.heading_deg, depth=self.view.depth)
+        return ViewDepth(heading_deg=self.heading_deg, depth=self._depth)
 
-    @property
+    @cached_property
     def jpeg(self) -> bytes:
         return jpeg_bytes(self.view.image)
 
@@ -125,7 +146,7 @@ class Sortie:
         kind: str,
         message: str,
         data: Mapping[str, Any] | None = None,
-        pictures: Mapping[str, bytes] | None = None,
+        pictures: Pictures | None = None,
     ) -> None:
         """One event of the phase under way."""
         self.log.write(self.phase, kind, message, data, pictures)

@@ -1,7 +1,8 @@
 """Object exploration: look round with all five cameras; where the object is not in sight, fly on round the building."""
 
+import asyncio
 import math
-from collections.abc import Iterable
+from collections.abc import Awaitable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -13,7 +14,7 @@ from contracts.depth_assist import (
     ViewpointQuestion,
 )
 from contracts.geometry import Point3, Pose
-from contracts.images import encode_jpeg, jpeg_bytes
+from contracts.images import JpegImage, encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import (
     ChooseDirectionQuestion,
     FindObjectAnswer,
@@ -39,6 +40,14 @@ class Found(NamedTuple):
     sighting: Sighting
     place: Point3
     claimable: bool
+
+
+class Onward(NamedTuple):
+    """Where to look for the way on, and how far one may fly there; `marked` is what the choice model is shown."""
+
+    view: ViewpointAnswer
+    safe: SafeDistancesAnswer
+    marked: JpegImage
 
 
 class Chosen(NamedTuple):
@@ -68,15 +77,21 @@ class Exploration:
         PortError."""
         sortie, settings = self.sortie, self.sortie.settings
         if leaving is not None and sortie.exploration_steps < settings.max_exploration_steps:
-            await self._go_on(leaving)
+            await self._go_on(leaving, self._onward(leaving))
         while sortie.exploration_steps < settings.max_exploration_steps:
             sortie.exploration_steps += 1
             look = await sortie.look()
-            found = await self.search(look, f"step {sortie.exploration_steps}")
-            if found is not None:
-                return found
-            if sortie.exploration_steps < settings.max_exploration_steps:
-                await self._go_on(look)
+            # the way on is worked out while the model looks; mostly it is needed
+            onward = asyncio.create_task(self._onward(look))
+            try:
+                found = await self.search(look, f"step {sortie.exploration_steps}")
+                if found is not None:
+                    return found
+                if sortie.exploration_steps < settings.max_exploration_steps:
+                    await self._go_on(look, onward)
+            finally:
+                onward.cancel()
+                await asyncio.gather(onward, return_exceptions=True)
         looked = f"after {sortie.exploration_steps} exploration steps"
         if self.contour is not None and self.contour.inspected_share is not None:
             looked += f", with {100 * self.contour.inspected_share:.0f} % of the known facade inspected"
@@ -119,7 +134,7 @@ class Exploration:
                 "render_s": look.observation.render_s,
                 "seconds": round(reply.seconds, 4),
             },
-            look.pictures | _boxed(look, best),
+            lambda: look.pictures | _boxed(look, best),
         )
         if self._silent > sortie.settings.max_model_failures:
             raise MissionEnd(
@@ -160,11 +175,10 @@ class Exploration:
         tries = sum(distance_m(place, d.place) < SAME_PLACE_M for d in self.dismissed)
         return tries >= TRIES or any(d.holds(place, pose, claimable=claimable) for d in self.dismissed)
 
-    async def _go_on(self, look: Look) -> None:
-        """Viewpoint (eq. 4-6), safe distances (eq. 7), the chosen point, and the flight; or the explorer's stop."""
+    async def _onward(self, look: Look) -> Onward | None:
+        """Viewpoint (eq. 4-6) and safe distances (eq. 7); null where the explorer leads. Changes nothing."""
         if self.contour is not None:
-            await self.contour.go_on(look)
-            return
+            return None
         sortie = self.sortie
         view = await self._viewpoint(look)
         sight = look.sights[view.heading_deg]
@@ -174,7 +188,21 @@ class Exploration:
             settings=sortie.settings.safe_distances,
         )
         safe = await sortie.timed("safe_distances", sortie.ports.depth.safe_distances(asked))
-        chosen = await self._choose(sight, safe, view)
+        return Onward(view, safe, encode_jpeg(mark_points(sight.rgb, marks_of(self._offered(safe)))))
+
+    def _offered(self, safe: SafeDistancesAnswer) -> list[DirectionPoint]:
+        return [p for p in safe.points if p.distance_m >= self.sortie.settings.min_move_m]
+
+    async def _go_on(self, look: Look, coming: Awaitable[Onward | None]) -> None:
+        """The chosen point, and the flight; or the explorer's stop."""
+        onward = await coming
+        if self.contour is not None:
+            await self.contour.go_on(look)
+        if onward is None:
+            return
+        sortie = self.sortie
+        self._d_max_m = onward.view.d_max_next_m
+        chosen = await self._choose(onward)
         if chosen.point is None:
             turn = sortie.settings.fallback_turn_deg
             await sortie.fly((), look.pose.yaw + math.radians(turn), f"turn {turn:g}° left: {chosen.by}")
@@ -192,17 +220,15 @@ class Exploration:
             d_max_m=self._d_max_m,
             seed=sortie.settings.seed * 1000 + sortie.exploration_steps,
         )
-        answer = await sortie.timed("viewpoint", sortie.ports.depth.viewpoint(question))
-        self._d_max_m = answer.d_max_next_m
-        return answer
+        return await sortie.timed("viewpoint", sortie.ports.depth.viewpoint(question))
 
-    async def _choose(self, sight: Sight, safe: SafeDistancesAnswer, view: ViewpointAnswer) -> Chosen:
+    async def _choose(self, onward: Onward) -> Chosen:
         sortie, settings = self.sortie, self.sortie.settings
-        offered = [p for p in safe.points if p.distance_m >= settings.min_move_m]
-        marked = encode_jpeg(mark_points(sight.rgb, marks_of(offered)))
+        view, safe, marked = onward
+        offered = self._offered(safe)
         answer: dict[str, Any] | None = None
         if not offered:
-            chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free {towards(sight.heading_deg)}")
+            chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free {towards(view.heading_deg)}")
         elif settings.choice == "centre":
             chosen = _centre(offered, settings.min_move_m)
         else:
@@ -210,7 +236,7 @@ class Exploration:
             question = ChooseDirectionQuestion(
                 model=settings.vision_model,
                 oracle_episode=sortie.flown.id,
-                heading_deg=sight.heading_deg,
+                heading_deg=view.heading_deg,
                 image=marked,
                 points=marks_of(offered),
                 task=search_task(sortie.object or "", sortie.floor or 1, settings.viewpoint.direction),
@@ -225,11 +251,11 @@ class Exploration:
                 chosen = _widest(offered, f"the choice model's answer was {_why(reply.answer.outcome)}")
         sortie.write(
             "direction",
-            f"view {towards(sight.heading_deg)} ({view.reason.replace('_', ' ')}): "
+            f"view {towards(view.heading_deg)} ({view.reason.replace('_', ' ')}): "
             + (f"point {chosen.point.label}, {chosen.by}" if chosen.point else chosen.by),
             {
                 "exploration_step": sortie.exploration_steps,
-                "heading_deg": sight.heading_deg,
+                "heading_deg": view.heading_deg,
                 "viewpoint": view.model_dump(mode="json"),
                 "points": [p.model_dump() for p in safe.points],
                 "offered": [p.label for p in offered],
@@ -237,7 +263,7 @@ class Exploration:
                 "by": chosen.by,
                 "answer": answer,
             },
-            {"marked": jpeg_bytes(marked)},
+            lambda: {"marked": jpeg_bytes(marked)},
         )
         return chosen
 

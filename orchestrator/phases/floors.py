@@ -60,7 +60,7 @@ async def go_to_floor(sortie: Sortie) -> None:
         "stand_off",
         f"the facade is {stand_off:.1f} m ahead: one picture spans {span:.1f} m of it",
         {"stand_off_m": round(stand_off, 3), "span_m": round(span, 3), "pose": sight.pose.model_dump()},
-        {sight.name: sight.jpeg},
+        lambda: {sight.name: sight.jpeg},
     )
     if sortie.settings.floors == "direct-count":
         final = await _direct(sortie, stand_off)
@@ -204,7 +204,6 @@ async def _building_box(sortie: Sortie) -> None:
     reply = await sortie.book.ask("floors", sortie.ports.vision.building_box(question))
     box = reply.answer.box if isinstance(reply, Answered) else None
     sortie.building_box = box
-    picture = jpeg_bytes(encode_jpeg(mark_box(sight.rgb, box, "building"))) if box else sight.jpeg
     said = "the building's box" if box else f"no building box ({reply.answer.outcome}); depth stays uncropped"
     sortie.write(
         "building_box",
@@ -214,7 +213,7 @@ async def _building_box(sortie: Sortie) -> None:
             "answer": reply.answer.model_dump(mode="json"),
             "seconds": round(reply.seconds, 4),
         },
-        {sight.name: picture},
+        lambda: {sight.name: jpeg_bytes(encode_jpeg(mark_box(sight.rgb, box, "building"))) if box else sight.jpeg},
     )
 
 
@@ -249,7 +248,7 @@ def _report(
             "detail": _plain(decision),
             "seconds": round(count.seconds, 4),
         },
-        {sight.name: sight.jpeg},
+        lambda: {sight.name: sight.jpeg},
     )
 
 

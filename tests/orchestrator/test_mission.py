@@ -40,7 +40,7 @@ class Events(list[Event]):
                 kind=kind,
                 message=message,
                 data=dict(data or {}),
-                pictures=tuple(pictures or ()),
+                pictures=tuple(pictures() if pictures else ()),
             )
         )
 

@@ -26,7 +26,7 @@ def test_events_are_on_disk_before_anybody_hears_of_them(tmp_path: Path) -> None
 
     record = record_in(tmp_path / "d", listener=listen)
     record.write("parse", "phase", "one")
-    record.write("floors", "floor_count", "two", {"floors": 3}, {"view": b"\xff\xd8 not really"})
+    record.write("floors", "floor_count", "two", {"floors": 3}, lambda: {"view": b"\xff\xd8 not really"})
     record.close()
     assert heard == [1, 2]
     event = read_events(tmp_path / "d")[1]

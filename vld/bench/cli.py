@@ -20,7 +20,7 @@ from vld.bench.folder import BadFolder, RunFolder
 from vld.bench.progress import LiveProgress, PlainProgress
 from vld.bench.run import CannotRun, Run
 from vld.bench.screen import print_summary
-from vld.bench.worker import Job, Pictures
+from vld.bench.worker import Job, Kept
 from vld.generate import CannotGenerate
 from vld.records import RunSettings, Task
 from vld.sim_client import SimulatorFault
@@ -66,7 +66,7 @@ def bench(
         int | None, typer.Option(min=1, max=MAX_WORKERS, help="Processes that fly.", show_default="one a core")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run's folder; one that was begun is completed.")] = None,
-    pictures: Annotated[Pictures, typer.Option(help="Whose pictures to keep.")] = "none",
+    pictures: Annotated[Kept, typer.Option(help="Whose pictures to keep.")] = "none",
     cache: Annotated[
         Literal["on", "off", "replay"] | None,
         typer.Option(help="Answers of models.", show_default="off for embedded and oracle, else on"),

@@ -25,7 +25,7 @@ from orchestrator.clients import Services
 from orchestrator.mission import Mission
 from orchestrator.ports import PortError, Ports, World
 from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Processes, free_ports, own_environment
-from orchestrator.record import Log, Record, now
+from orchestrator.record import Log, Pictures, Record, now
 from vld.metrics.taxonomy import reason_of
 from vld.records import EpisodeRecord, Task
 
@@ -34,7 +34,8 @@ END_S = 20.0
 IDLE_S = "86400"
 """An episode that was opened ahead waits for its turn, however long the one before it takes."""
 
-Pictures = Literal["none", "failures", "all"]
+Kept = Literal["none", "failures", "all"]
+"""Whose pictures a run keeps."""
 
 
 class Job(Wire):
@@ -47,7 +48,7 @@ class Job(Wire):
     environment: dict[str, str] = {}
     sim: dict[str, str] = {}
     gateway: dict[str, str] = {}
-    pictures: Pictures = "none"
+    pictures: Kept = "none"
     episode_s: float = Field(default=900.0, gt=0.0)
 
 
@@ -73,7 +74,7 @@ class Unwritten:
         kind: str,
         message: str,
         data: Mapping[str, Any] | None = None,
-        pictures: Mapping[str, bytes] | None = None,
+        pictures: Pictures | None = None,
     ) -> None:
         """Forgets it."""
 

@@ -85,7 +85,7 @@ def recorded(run: Path, task: Task, result: DeliveryResult) -> EpisodeRecord:
     record.write("place", "placed", "the drone stands", {"pose": pose | {"z": 1.5}})
     record.write("floors", "move", "to floor 3", {"path": [pose], "reached": True, "to": pose})
     views = dict.fromkeys(("view-90", "view-45", "view", "view+45", "view+90"), jpeg)
-    record.write("explore", "look", "step 1: no <pot> in sight", {"pose": pose, "returns": []}, views)
+    record.write("explore", "look", "step 1: no <pot> in sight", {"pose": pose, "returns": []}, lambda: views)
     record.conclude(result)
     record.announce(result)
     return a_record(task, result, folder=f"episodes/{task.id}")
