@@ -156,7 +156,7 @@ def _cache(settings: Settings) -> Cache:
     if url:
         from services.vlm_gateway.cache.redis import RedisCache
 
-        return RedisCache(url, ttl_s=ttl_s, timeout_s=settings.number("CACHE_TIMEOUT_S", 0.05, 0.001, 10.0))
+        return RedisCache(url, ttl_s=ttl_s, timeout_s=settings.number("CACHE_TIMEOUT_S", 0.04, 0.001, 10.0))
     from services.vlm_gateway.cache.sqlite import SqliteCache
 
     path = Path(settings.text("CACHE_PATH", DEFAULT_CACHE_PATH) or DEFAULT_CACHE_PATH).expanduser()

@@ -1,18 +1,35 @@
-"""Answers in Redis. Bounded waits and no retries inside: the guard in front decides what a failure costs."""
+"""Answers in Redis, over one connection on which commands follow one another without waiting for replies.
+
+Bounded waits and no retries inside: the guard in front decides what a failure costs.
+"""
 
 import asyncio
 import random
-
-from redis.asyncio import BlockingConnectionPool, Redis
-from redis.asyncio.retry import Retry
-from redis.backoff import NoBackoff
-from redis.exceptions import AuthenticationError, OutOfMemoryError, RedisError, ResponseError
+import ssl
+from collections import deque
+from typing import NamedTuple, cast
+from urllib.parse import parse_qs, unquote, urlsplit
 
 from service_kit.settings import BadSetting, without_password
 from services.vlm_gateway.cache.port import CacheDown, CacheFull
+from services.vlm_gateway.cache.resp import Refused, Replies, Value, command
 
-PREFIX = "vlm_gateway:1:"
-CONNECTIONS = 16
+PREFIX = b"vlm_gateway:1:"
+DEFAULT_PORT = 6379
+_NO_ROOM = ("OOM", "MISCONF", "READONLY")
+_NO_ENTRY = ("NOAUTH", "WRONGPASS", "NOPERM")
+
+
+class _Place(NamedTuple):
+    """Where the server is: `path` of a socket, or `host` and `port`."""
+
+    host: str
+    port: int
+    path: str
+    tls: bool
+    user: str
+    password: str
+    database: int
 
 
 class RedisCache:
@@ -20,65 +37,202 @@ class RedisCache:
     times are spread by up to a tenth, so that a recorded run does not expire in one moment. How much is held is
     bounded by the server's `maxmemory`."""
 
-    def __init__(self, url: str, *, ttl_s: float, timeout_s: float = 0.05) -> None:
+    def __init__(self, url: str, *, ttl_s: float, timeout_s: float = 0.04) -> None:
         """Raises BadSetting where `url` is not a Redis address."""
         self._ttl_s = ttl_s
         self._timeout_s = timeout_s
-        self._place = without_password(url)
-        try:
-            # few connections and a wait for a free one: a burst of requests must not become a burst of handshakes
-            pool = BlockingConnectionPool.from_url(
-                url,
-                max_connections=CONNECTIONS,
-                timeout=timeout_s,
-                socket_timeout=timeout_s,
-                socket_connect_timeout=timeout_s,
-                retry=Retry(NoBackoff(), 0),
-            )
-            self._redis = Redis.from_pool(pool)
-        except ValueError as error:
-            raise BadSetting(f"REDIS_URL={self._place}: {error}; give redis://host:6379/0") from None
+        self._shown = without_password(url)
+        self._place = _place(url, self._shown)
+        self._line: _Line | None = None
+        self._connecting: asyncio.Task[_Line] | None = None
 
     @property
     def place(self) -> str:
-        return self._place
+        return self._shown
 
     async def get(self, key: str) -> bytes | None:
-        try:
-            async with asyncio.timeout(self._timeout_s):
-                value = await self._redis.get(PREFIX + key)
-        except (TimeoutError, RedisError, OSError) as error:
-            raise self._down(error) from None
-        return value.encode() if isinstance(value, str) else value
+        value = await self._do(b"GET", PREFIX + key.encode())
+        return value if isinstance(value, bytes) else None
 
     async def put(self, key: str, value: bytes) -> None:
-        expires_ms = int(self._ttl_s * 1000 * random.uniform(0.9, 1.0)) if self._ttl_s > 0 else None
-        try:
-            async with asyncio.timeout(self._timeout_s):
-                await self._redis.set(PREFIX + key, value, px=expires_ms)
-        except (TimeoutError, RedisError, OSError) as error:
-            raise self._down(error) from None
+        words = [b"SET", PREFIX + key.encode(), value]
+        if self._ttl_s > 0:
+            words += [b"PX", str(max(1, int(self._ttl_s * 1000 * random.uniform(0.9, 1.0)))).encode()]
+        await self._do(*words)
 
     async def ping(self) -> None:
-        try:
-            async with asyncio.timeout(self._timeout_s):
-                await self._redis.ping()
-        except (TimeoutError, RedisError, OSError) as error:
-            raise self._down(error) from None
+        await self._do(b"PING")
 
     async def close(self) -> None:
-        try:
-            async with asyncio.timeout(1.0):
-                await self._redis.aclose()
-        except (TimeoutError, RedisError, OSError):
-            return
+        if self._connecting is not None:
+            self._connecting.cancel()
+            await asyncio.gather(self._connecting, return_exceptions=True)
+        if self._line is not None:
+            self._line.lost(CacheDown(f"{self._shown} is closed"))
+            self._line = None
 
-    def _down(self, error: Exception) -> CacheDown:
-        if isinstance(error, OutOfMemoryError):
-            return CacheFull(f"{self._place} has no memory left")
-        if isinstance(error, AuthenticationError):
-            return CacheDown(f"{self._place} refuses the password")
-        if isinstance(error, TimeoutError):
-            return CacheDown(f"{self._place} does not answer within {self._timeout_s * 1000:g} ms")
-        reason = str(error).split(" ", 1)[0] if isinstance(error, ResponseError) else type(error).__name__
-        return CacheDown(f"{self._place} can't be used ({reason})")
+    async def _do(self, *words: bytes) -> Value:
+        line = self._line
+        if line is None or line.closed:
+            line = await self._connected()
+        reply = line.ask(command(*words), self._timeout_s)
+        try:
+            value = await reply
+        except ConnectionError as error:
+            raise CacheDown(f"{self._shown} {error}") from None
+        if isinstance(value, Refused):
+            raise self._refusal(value)
+        return value
+
+    async def _connected(self) -> "_Line":
+        """The connection, made once for all who wait for it. Raises CacheDown."""
+        if self._connecting is None:
+            self._connecting = asyncio.create_task(self._connect())
+            self._connecting.add_done_callback(self._arrived)
+        try:
+            return await asyncio.shield(self._connecting)
+        except asyncio.CancelledError:
+            task = asyncio.current_task()
+            if task is not None and task.cancelling():
+                raise
+            raise CacheDown(f"{self._shown} is closed") from None
+
+    def _arrived(self, task: "asyncio.Task[_Line]") -> None:
+        self._connecting = None
+        if not task.cancelled() and task.exception() is None:
+            self._line = task.result()
+
+    async def _connect(self) -> "_Line":
+        loop = asyncio.get_running_loop()
+        place = self._place
+        tls = ssl.create_default_context() if place.tls else None
+        try:
+            async with asyncio.timeout(self._timeout_s):
+                if place.path:
+                    _, line = await loop.create_unix_connection(_Line, place.path)
+                else:
+                    _, line = await loop.create_connection(_Line, place.host, place.port, ssl=tls)
+        except TimeoutError:
+            raise CacheDown(f"{self._shown} does not answer within {self._timeout_s * 1000:g} ms") from None
+        except OSError as error:
+            raise CacheDown(f"{self._shown} can't be reached ({type(error).__name__})") from None
+        greetings = []
+        if place.password:
+            greetings.append(command(b"AUTH", *([place.user.encode()] if place.user else []), place.password.encode()))
+        if place.database:
+            greetings.append(command(b"SELECT", str(place.database).encode()))
+        for reply in [line.ask(greeting, self._timeout_s) for greeting in greetings]:
+            try:
+                value = await reply
+            except ConnectionError as error:
+                raise CacheDown(f"{self._shown} {error}") from None
+            if isinstance(value, Refused):
+                line.lost(ConnectionError("was left"))
+                raise self._refusal(value)
+        return line
+
+    def _refusal(self, refused: Refused) -> CacheDown:
+        word = refused.message.split(" ", 1)[0]
+        if word in _NO_ROOM:
+            return CacheFull(f"{self._shown} has no memory left or takes no writes ({word})")
+        if word in _NO_ENTRY or "password" in refused.message:
+            return CacheDown(f"{self._shown} refuses the password")
+        return CacheDown(f"{self._shown} can't be used ({word})")
+
+
+class _Line(asyncio.Protocol):
+    """One connection: commands go out together once a turn of the event loop, replies come back in their order."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._transport: asyncio.Transport | None = None
+        self._waiting: deque[asyncio.Future[Value]] = deque()
+        self._timers: deque[asyncio.TimerHandle] = deque()
+        self._unsent: list[bytes] = []
+        self._replies = Replies()
+        self.closed = False
+
+    def ask(self, words: bytes, timeout_s: float) -> "asyncio.Future[Value]":
+        """The reply to come, which may be a Refused. Raises ConnectionError where none does."""
+        reply: asyncio.Future[Value] = self._loop.create_future()
+        if self.closed:
+            reply.set_exception(ConnectionError("closed the connection"))
+            return reply
+        if not self._unsent:
+            self._loop.call_soon(self._send)
+        self._unsent.append(words)
+        self._waiting.append(reply)
+        self._timers.append(self._loop.call_later(timeout_s, self._overdue, reply, timeout_s, 2))
+        return reply
+
+    def lost(self, why: Exception) -> None:
+        """The connection is over, and with it all that was asked on it."""
+        self.closed = True
+        if self._transport is not None:
+            self._transport.abort()
+        for timer in self._timers:
+            timer.cancel()
+        self._timers.clear()
+        while self._waiting:
+            reply = self._waiting.popleft()
+            if not reply.done():
+                reply.set_exception(why)
+                reply.exception()  # whoever asked may have left
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self.lost(ConnectionError("closed the connection"))
+
+    def data_received(self, data: bytes) -> None:
+        try:
+            values = self._replies.feed(data)
+        except ValueError:
+            self.lost(ConnectionError("is no Redis"))
+            return
+        for value in values:
+            if not self._waiting:
+                self.lost(ConnectionError("is no Redis"))
+                return
+            self._timers.popleft().cancel()
+            reply = self._waiting.popleft()
+            if not reply.done():
+                reply.set_result(value)
+
+    def _send(self) -> None:
+        unsent, self._unsent = self._unsent, []
+        if not self.closed and self._transport is not None:
+            self._transport.writelines(unsent)
+
+    def _overdue(self, reply: "asyncio.Future[Value]", timeout_s: float, looks: int) -> None:
+        """Too late, unless it was this process that was late: replies that lie on the socket are read first."""
+        if reply.done() or self.closed:
+            return
+        if looks:
+            self._loop.call_later(0.001, self._overdue, reply, timeout_s, looks - 1)
+        else:
+            self.lost(ConnectionError(f"does not answer within {timeout_s * 1000:g} ms"))
+
+
+def _place(url: str, shown: str) -> _Place:
+    parts = urlsplit(url)
+    try:
+        port = parts.port or DEFAULT_PORT
+        in_path = parts.path.strip("/") if parts.scheme != "unix" else parse_qs(parts.query).get("db", [""])[0]
+        database = int(in_path or 0)
+        if parts.scheme not in ("redis", "rediss", "unix") or not (
+            parts.path if parts.scheme == "unix" else parts.netloc
+        ):
+            raise ValueError("no Redis address")
+    except ValueError as error:
+        raise BadSetting(f"REDIS_URL={shown}: {error}; give redis://host:6379/0") from None
+    return _Place(
+        host=parts.hostname or "127.0.0.1",
+        port=port,
+        path=parts.path if parts.scheme == "unix" else "",
+        tls=parts.scheme == "rediss",
+        user=unquote(parts.username or ""),
+        password=unquote(parts.password or ""),
+        database=database,
+    )
