@@ -1,0 +1,82 @@
+"""The command line of the training: every stage goes on where it was interrupted."""
+
+import argparse
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+
+from training.progress import progress
+
+DEFAULT_HOME = Path("runs/training")
+CONTEXT, LEAST_PX = 1.6, 24.0
+
+
+def main(arguments: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
+    parser.add_argument("--home", type=Path, default=DEFAULT_HOME, help="where pictures and checkpoints lie")
+    parser.add_argument("--threads", type=int, default=1)
+    stages = parser.add_subparsers(dest="stage")
+    drawing = stages.add_parser("render", help="draw streets into shards")
+    drawing.add_argument("--set", choices=("fit", "validation", "held_out"), default="fit")
+    drawing.add_argument("--first", type=int, default=0)
+    drawing.add_argument("--count", type=int, default=400)
+    drawing.add_argument("--every", type=int, default=1)
+    for name, steps in (("proposer", 6000), ("namer", 12_000)):
+        fitting = stages.add_parser(name, help=f"train the {name}")
+        fitting.add_argument("--steps", type=int, default=steps, help="in all, earlier runs included")
+        fitting.add_argument("--until", type=int, help="stop here, as if interrupted")
+        fitting.add_argument("--also", type=Path, action="append", default=[], help="folders of more crops")
+    chosen = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, _stop)
+    if chosen.stage == "render":
+        draw(chosen.home, chosen.set, chosen.first, chosen.count, chosen.every)
+    elif chosen.stage == "proposer":
+        fit_proposer(chosen.home, chosen.steps, chosen.until, chosen.threads)
+    elif chosen.stage == "namer":
+        fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads, chosen.also)
+    return 0
+
+
+def _stop(*_: object) -> None:
+    """Ended from outside: what is running saves its checkpoint and goes."""
+    raise KeyboardInterrupt
+
+
+def draw(home: Path, which: str, first: int, count: int, every: int = 1) -> None:
+    """`count` streets of one set, every `every`-th seed from its `first`: several processes may share the work."""
+    from training import render as drawing
+
+    start = {"fit": drawing.FIT_SEEDS.start, "validation": drawing.VALIDATION_SEEDS.start, "held_out": 95_000}[which]
+    seeds = range(start + first, start + first + count * every, every)
+    sparse = True if which == "validation" else None
+    with progress() as bar:
+        task = bar.add_task(f"drawing {which}", total=count)
+        for _ in drawing.render(home / which, seeds, held_out=which == "held_out", sparse=sparse):
+            bar.advance(task)
+
+
+def fit_proposer(home: Path, steps: int, until: int | None, threads: int) -> None:
+    import torch
+
+    from training import fit_proposer as fitting
+    from training.shards import shards
+
+    torch.set_num_threads(threads)
+    paths = list(shards(home / "fit"))
+    fitting.trainer(home / "nets", paths, fitting.PLAN._replace(steps=steps)).run(until)
+
+
+def fit_namer(home: Path, steps: int, until: int | None, threads: int, also: Sequence[Path] = ()) -> None:
+    import torch
+
+    from training import fit_namer as fitting
+    from training.crop_store import collect
+    from training.render import colour_numbers, kind_numbers
+    from training.shards import shards
+
+    torch.set_num_threads(threads)
+    kinds, colours = len(kind_numbers()), len(colour_numbers())
+    files = collect(shards(home / "fit"), home / "crops", kinds, context=CONTEXT, min_px=LEAST_PX)
+    for folder in also:
+        files += shards(folder)
+    fitting.trainer(home / "nets", files, kinds, colours, fitting.PLAN._replace(steps=steps)).run(until)

@@ -1,0 +1,108 @@
+"""Draw streets into shards: `python -m training render`. Goes on where it stopped; several may run side by side.
+
+Which seeds serve for what: 0-89,999 for fitting, 90,000-99,999 for validation (thresholds, calibration). Seeds from
+100,000 up are never drawn here.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from contracts.sim import Catalogue
+from services.sim.catalogue import CATALOGUE, build, poster_layers
+from services.sim.geometry.scene_mesh import build_scene_mesh
+from services.sim.geometry.textures import TextureSet, base_textures
+from services.sim.render.gl import GlRenderer
+from training.labels import Labeller, Labels
+from training.looks import varied
+from training.shards import shard_path, write
+from training.stops import Look, looks
+from training.streets import Street, street
+from vld.scene_plan import UnbuildableScene
+
+FIT_SEEDS = range(90_000)
+VALIDATION_SEEDS = range(90_000, 100_000)
+SIZE_PX = 800
+STOPS, FRONTAL = 7, 3
+_QUALITY = (60, 96)
+
+
+def kind_numbers(catalogue: Catalogue = CATALOGUE) -> dict[str, int]:
+    return {entry.kind: i for i, entry in enumerate(catalogue.entries)}
+
+
+def colour_numbers(catalogue: Catalogue = CATALOGUE) -> dict[str, int]:
+    names = dict.fromkeys(c for entry in catalogue.entries for c in entry.colours)
+    return {name: i for i, name in enumerate(names)}
+
+
+class Studio:
+    """The renderer, the textures and the numbering, kept from street to street. Bound to its thread."""
+
+    def __init__(self, catalogue: Catalogue = CATALOGUE) -> None:
+        self._catalogue = catalogue
+        self._gl = GlRenderer(max_views=1)
+        self._textures: TextureSet = base_textures().with_pictures(poster_layers())
+        self._kinds, self._colours = kind_numbers(catalogue), colour_numbers(catalogue)
+
+    def shoot(
+        self,
+        place: Street,
+        views: Sequence[Look],
+        rng: np.random.Generator,
+        *,
+        held_out: bool = False,
+        plain: bool = False,
+    ) -> tuple[list[bytes], list[Labels]]:
+        """A JPEG and its labels for each view. `plain`: the catalogue's own shapes and a good picture quality."""
+        builder = build if plain else varied(build, place.scene.seed, held_out=held_out)
+        mesh = build_scene_mesh(place.scene, builder, self._textures)
+        labeller = Labeller(place.scene, mesh, self._kinds, self._colours)
+        uploaded = self._gl.upload(mesh)
+        jpegs, labels = [], []
+        try:
+            for look in views:
+                rgb = self._gl.render(uploaded, look.pose, (look.heading_deg,), SIZE_PX).rgb[0]
+                ids = self._gl.render_ids(uploaded, look.pose, (look.heading_deg,), SIZE_PX)[0]
+                quality = 90 if plain else int(rng.integers(*_QUALITY))
+                done, jpeg = cv2.imencode(
+                    ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
+                )
+                assert done
+                jpegs.append(jpeg.tobytes())
+                labels.append(labeller.of(look.pose, look.heading_deg, ids))
+        finally:
+            uploaded.release()
+        return jpegs, labels
+
+    def close(self) -> None:
+        self._gl.close()
+
+
+def render(
+    folder: Path, seeds: Sequence[int], *, held_out: bool = False, sparse: bool | None = None, plain: bool = False
+) -> Iterator[int]:
+    """Draws what is not there yet; yields each seed when it is done or known to be unbuildable."""
+    folder.mkdir(parents=True, exist_ok=True)
+    studio = Studio()
+    try:
+        for seed in seeds:
+            path = shard_path(folder, seed)
+            if not path.exists():
+                _one(studio, path, seed, held_out, sparse, plain)
+            yield seed
+    finally:
+        studio.close()
+
+
+def _one(studio: Studio, path: Path, seed: int, held_out: bool, sparse: bool | None, plain: bool) -> None:
+    rng = np.random.default_rng((seed, 0x5407))
+    try:
+        place = street(CATALOGUE, seed, held_out=held_out, sparse=sparse)
+    except UnbuildableScene:
+        return
+    views = looks(place, STOPS, FRONTAL, rng)
+    jpegs, labels = studio.shoot(place, views, rng, held_out=held_out, plain=plain)
+    write(path, seed, jpegs, labels, [v.frontal for v in views], place.crowded)
