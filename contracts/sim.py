@@ -117,9 +117,9 @@ class Verdict(Wire):
 
 class TruthQuestion(Wire):
     """For the `oracle` back end only; the route exists only where the truth is switched on. `candidates` are places
-    whose remaining way to the goal is wanted."""
+    whose remaining way to the goal is wanted; without `views` nothing else is told."""
 
-    views: tuple[Heading, ...] = Field(default=(-90, -45, 0, 45, 90), min_length=1, max_length=5)
+    views: tuple[Heading, ...] = Field(default=(-90, -45, 0, 45, 90), max_length=5)
     size: int = Field(default=800, ge=64, le=1600)
     candidates: tuple[Point3, ...] = Field(default=(), max_length=16)
 

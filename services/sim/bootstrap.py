@@ -35,7 +35,7 @@ def bootstrap(settings: Settings) -> FastAPI:
     renderer = RenderThread(lambda: choose_renderer(preference))
     # drawn while the service starts and not when the first customer waits
     Thread(target=_textures, name="textures", daemon=True).start()
-    episodes = Episodes(build_scene, renderer, limits)
+    episodes = Episodes(build_scene, renderer, limits, truth=truth)
     return build_app(episodes, renderer, CATALOGUE, truth=truth, token=settings.text("SIM_TOKEN"))
 
 

@@ -13,7 +13,10 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import NamedTuple, TypeVar
 
-from contracts.geometry import Heading
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.geometry import Heading, Pose
 from contracts.images import encode_depth_units, encode_jpeg
 from contracts.sim import (
     Camera,
@@ -47,10 +50,20 @@ class Limits(NamedTuple):
     kept_scenes: int = 4
 
 
-class _Seat(NamedTuple):
-    episode: LiveEpisode
-    shelved: Shelved
-    turn: asyncio.Lock
+class _Labels(NamedTuple):
+    """The ids that were drawn beside the last pictures: until the drone moves they are the truth's pictures too."""
+
+    pose: Pose
+    size: int
+    views: dict[Heading, NDArray[np.uint16]]
+
+
+class _Seat:
+    def __init__(self, episode: LiveEpisode, shelved: Shelved) -> None:
+        self.episode = episode
+        self.shelved = shelved
+        self.turn = asyncio.Lock()
+        self.labels: _Labels | None = None
 
 
 class Episodes:
@@ -62,8 +75,11 @@ class Episodes:
         renderer: RenderThread,
         limits: Limits,
         clock: Callable[[], float] = time.monotonic,
+        truth: bool = False,
     ) -> None:
+        """truth: whether `truth` will be asked; then every look keeps what each pixel shows."""
         self.limits = limits
+        self._labelled = truth
         self._renderer = renderer
         self._clock = clock
         self._workers = ThreadPoolExecutor(max(4, os.cpu_count() or 1), thread_name_prefix="sim")
@@ -108,7 +124,7 @@ class Episodes:
                 raise
         finally:
             self._starting -= 1
-        self._seats[episode.id] = _Seat(episode, shelved, asyncio.Lock())
+        self._seats[episode.id] = _Seat(episode, shelved)
         self._touched[episode.id] = self._clock()
         return episode.state(self.limits.idle_s)
 
@@ -122,7 +138,13 @@ class Episodes:
         async with self._turn(episode_id) as seat:
             pose, uploaded = seat.episode.pose, seat.shelved.uploaded
             started = time.perf_counter()
-            drawn = await draw(self._renderer, lambda renderer: renderer.render(uploaded, pose, headings, size))
+            labelled = self._labelled
+            drawn = await draw(
+                self._renderer,
+                lambda renderer: renderer.render(uploaded, pose, headings, size, labelled=labelled),
+            )
+            if drawn.ids is not None:
+                seat.labels = _Labels(pose, size, dict(zip(headings, drawn.ids, strict=True)))
             rendered = time.perf_counter()
             # each picture and each depth map is work of its own; the encoders let other threads run meanwhile
             images = [self._work(encode_jpeg, rgb) for rgb in drawn.rgb]
@@ -159,14 +181,21 @@ class Episodes:
         async with self._turn(episode_id) as seat:
             pose, uploaded, ready = seat.episode.pose, seat.shelved.uploaded, seat.shelved.ready
             moves = seat.episode.moves
-            ids = await draw(
-                self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, question.views, question.size)
-            )
+            known = seat.labels
+            if known is None or (known.pose, known.size) != (pose, question.size):
+                known = _Labels(pose, question.size, {})
+            missing = tuple(h for h in dict.fromkeys(question.views) if h not in known.views)
+            if missing:
+                ids = await draw(
+                    self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, missing, question.size)
+                )
+                known.views.update(zip(missing, ids, strict=True))
+                seat.labels = known
 
             def found() -> Truth:
                 views = tuple(
-                    truth_view(ready.scene, ready.mesh, ready.things, pose, heading, seen)
-                    for heading, seen in zip(question.views, ids, strict=True)
+                    truth_view(ready.scene, ready.mesh, ready.things, pose, heading, known.views[heading])
+                    for heading in question.views
                 )
                 remaining_m = ready.way_home.remaining_m(question.candidates)
                 return Truth(scene=ready.scene.name, moves=moves, pose=pose, views=views, remaining_m=remaining_m)

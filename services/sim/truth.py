@@ -32,7 +32,8 @@ def truth_view(
     scene: Scene, mesh: SceneMesh, things: Mapping[str, Thing], pose: Pose, heading: Heading, ids: Ids
 ) -> TruthView:
     """What one view shows. `ids` as the renderer drew them at `pose` towards `heading`."""
-    counts = np.bincount(ids.ravel(), minlength=len(mesh.parts) + 1)
+    parts = len(mesh.parts) + 1
+    counts = cv2.calcHist([ids], [0], None, [parts], [0, parts]).ravel()
     objects = []
     for o in scene.objects:
         thing = things[o.id]
@@ -40,7 +41,7 @@ def truth_view(
         box = _box_of(ids == thing.part) if pixels else None
         if box is None:
             continue
-        whole = outline_pixels(_triangles(mesh, thing.part), pose, heading, len(ids))
+        whole = outline_pixels(mesh.triangles_of(thing.part), pose, heading, len(ids))
         objects.append(
             VisibleObject(
                 id=o.id,
@@ -138,22 +139,12 @@ def _stop_before_goal(scene: Scene, things: Mapping[str, Thing]) -> tuple[float,
     return None if scene.goal is None else things[scene.goal].middle
 
 
-def _triangles(mesh: SceneMesh, part: int) -> NDArray[np.float32]:
-    faces = mesh.mesh.faces
-    return np.asarray(mesh.mesh.positions[faces[mesh.part_of[faces[:, 0]] == part]], np.float32)
-
-
 def _box_of(mask: NDArray[np.bool_]) -> Box | None:
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if not len(rows):
-        return None
     height, width = mask.shape
-    return Box(
-        x_min=columns[0] / width,
-        y_min=rows[0] / height,
-        x_max=(columns[-1] + 1) / width,
-        y_max=(rows[-1] + 1) / height,
-    )
+    x, y, w, h = cv2.boundingRect(mask.view(np.uint8))
+    if not w:
+        return None
+    return Box(x_min=x / width, y_min=y / height, x_max=(x + w) / width, y_max=(y + h) / height)
 
 
 def _first_wall_m(

@@ -1,6 +1,7 @@
 """A scene document as triangles: what the renderers draw, what the world collides with, and which triangle is whose."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -61,6 +62,18 @@ class SceneMesh:
             if part.kind == kind and part.name == name:
                 return part
         raise KeyError(f"{kind} {name}")
+
+    def triangles_of(self, part: int) -> NDArray[np.float32]:
+        """(M, 3, 3): the corners of a part's triangles."""
+        order, firsts = self._by_part
+        return np.asarray(self.mesh.positions[self.mesh.faces[order[firsts[part] : firsts[part + 1]]]], np.float32)
+
+    @cached_property
+    def _by_part(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The faces sorted by part, and where each part's begin."""
+        owner = self.part_of[self.mesh.faces[:, 0]]
+        order = np.argsort(owner, kind="stable")
+        return order, np.searchsorted(owner[order], np.arange(len(self.parts) + 2))
 
 
 def build_scene_mesh(scene: Scene, build_object: ObjectBuilder, textures: TextureSet) -> SceneMesh:

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from contracts.geometry import Heading, Point3, Pose
 from contracts.sim import Episode, Truth, TruthQuestion, TruthView
-from contracts.vlm_gateway import MarkedPoint, Match, Role
+from contracts.vlm_gateway import MarkedPoint, Match
 from service_kit.client import CallError, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import (
@@ -32,7 +32,6 @@ from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
 A = TypeVar("A", bound=BaseModel)
 FOV_DEG = 90.0
 FRONT: Heading = 0
-SMALLEST = 64
 BUILDING_BOX, WHOLE_LOOK = 1000, 2000
 """Beside the headings: the faults of a question that is not about one view."""
 DECLINED = "declined, as the oracle's noise wants it"
@@ -54,7 +53,7 @@ class OracleBackend:
         return {}
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
-        truth = await self._truth(_named(ask.episode), (FRONT,), role="floors")
+        truth = await self._truth(_named(ask.episode), (FRONT,))
         faults = Faults(self._config.noise, truth, "floors")
         if faults.refuses:
             return Reply("refused", text=DECLINED)
@@ -63,7 +62,7 @@ class OracleBackend:
         return Reply("answered", Floors(*faults.miscounted(Count(view.floors_visible, rows))))
 
     async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
-        truth = await self._truth(_named(ask.episode), (FRONT,), role="floors")
+        truth = await self._truth(_named(ask.episode), (FRONT,))
         faults = Faults(self._config.noise, truth, "floors", heading_deg=BUILDING_BOX)
         if faults.refuses:
             return Reply("refused", text=DECLINED)
@@ -73,7 +72,7 @@ class OracleBackend:
     async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         """The goal object, whatever the phrase: what the customer meant is known here."""
         headings = tuple(view.heading_deg for view in ask.views)
-        truth = await self._truth(_named(ask.episode), headings, role="recognition")
+        truth = await self._truth(_named(ask.episode), headings)
         noise = self._config.noise
         look = Faults(noise, truth, "recognition", heading_deg=WHOLE_LOOK)
         if look.refuses:
@@ -94,7 +93,7 @@ class OracleBackend:
         episode = _named(ask.episode)
         pose = (await self._call("GET", f"/v1/episodes/{episode}", Episode)).pose
         ends = tuple(end_of(point, ask.heading_deg, pose) for point in ask.points)
-        truth = await self._truth(episode, (FRONT,), role="choice", candidates=ends)
+        truth = await self._truth(episode, (), candidates=ends)
         if Faults(self._config.noise, truth, "choice", ask.heading_deg).refuses:
             return Reply("refused", text=DECLINED)
         ways = [(way_m, at) for at, way_m in enumerate(truth.remaining_m[: len(ask.points)]) if way_m is not None]
@@ -123,12 +122,9 @@ class OracleBackend:
         episode: str,
         views: tuple[Heading, ...],
         *,
-        role: Role,
         candidates: tuple[Point3, ...] = (),
     ) -> Truth:
-        # what a direction is chosen by is no picture: the smallest one is asked for
-        size = SMALLEST if role == "choice" else self._config.size
-        question = TruthQuestion(views=views, size=size, candidates=candidates)
+        question = TruthQuestion(views=views, size=self._config.size, candidates=candidates)
         truth = await self._call("POST", f"/v1/episodes/{episode}/truth", Truth, question)
         if len(truth.views) != len(views) or len(truth.remaining_m) < len(candidates):
             raise ModelUnreachable("the simulator's truth is incomplete", details={"reason": "contract"})
