@@ -8,11 +8,13 @@ import sys
 from orchestrator.cli import app
 from vld import tasks_cli
 from vld.bench import cli as bench_cli
+from vld.evaluate_model.command import evaluate
 from vld.report.command import report
 
 app.add_typer(tasks_cli.app, name="tasks")
 app.command(name="bench")(bench_cli.bench)
 app.command(name="report")(report)
+app.command(name="evaluate")(evaluate)
 
 
 def main() -> None:

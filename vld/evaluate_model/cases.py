@@ -24,7 +24,7 @@ STRANGE_SEED = 150_000
 STRANGE_WALL: Literal["concrete"] = "concrete"
 STRANGE_SKY: Literal["dusk"] = "dusk"
 STRANGE_EXPOSURES = (0.65, 1.4)
-CASES_FILE = "cases.jsonl"
+CASES_FILE, CATALOGUE_FILE = "cases.jsonl", "catalogue.json"
 SIZE = 800
 
 

@@ -14,7 +14,18 @@ from contracts.scene_layout import wall_height_m
 from contracts.sim import Catalogue, Observation
 from navigation import facade
 from navigation.floor_localization import band, band_span_m
-from vld.evaluate_model.cases import CASES_FILE, SIZE, STRANGE_SEED, Case, Front, Look, Street, read_cases, street
+from vld.evaluate_model.cases import (
+    CASES_FILE,
+    CATALOGUE_FILE,
+    SIZE,
+    STRANGE_SEED,
+    Case,
+    Front,
+    Look,
+    Street,
+    read_cases,
+    street,
+)
 from vld.scene_plan import UnbuildableScene
 from vld.sim_client import SimClient
 from vld.subtasks.stage import Stage, staged
@@ -33,7 +44,8 @@ def render(
     is there. A seed without a buildable street has no case. Raises vld.sim_client.SimulatorFault, OSError."""
     folder.mkdir(parents=True, exist_ok=True)
     cases = read_cases(folder)
-    catalogue: Catalogue | None = None
+    catalogue = simulator.catalogue()
+    (folder / CATALOGUE_FILE).write_text(catalogue.model_dump_json(), encoding="utf-8")
     wanted: dict[int, Case] = {}
     with (folder / CASES_FILE).open("a", encoding="utf-8") as lines:
         if lines.tell():
@@ -41,7 +53,6 @@ def render(
         for seed in seeds:
             case = cases.get(seed)
             if case is None:
-                catalogue = catalogue or simulator.catalogue()
                 case = _rendered(seed, catalogue, folder, simulator)
                 if case is not None:
                     lines.write(case.model_dump_json() + "\n")

@@ -75,6 +75,8 @@ def label_of(settings: RunSettings) -> str:
         words.append("centre, no choice")
     if mission.floors != usual.floors:
         words.append("direct count")
+    if mission.sightings.policy != usual.sightings.policy:
+        words.append("claims at first sight")
     if mission.band_reading != usual.band_reading:
         words.append("h_i as camera height")
     return ", ".join(words)

@@ -92,7 +92,7 @@ def found(look: Look, *, first: bool = False) -> bool:
     """Some match (or the first) has its middle in the goal's box, grown by a quarter on each side, in its view."""
     boxes = {view.heading_deg: thing.box for view in look.views for thing in view.objects if thing.goal}
     matches = list(look.matches or ())[: 1 if first else None]
-    return any(match.heading_deg in boxes and _meets(match.box, boxes[match.heading_deg]) for match in matches)
+    return any(match.heading_deg in boxes and meets(match.box, boxes[match.heading_deg]) for match in matches)
 
 
 def decoys(look: Look) -> list[str]:
@@ -118,7 +118,8 @@ def _best(look: Look) -> VisibleObject:
     return max(_goals(look), key=lambda goal: (goal.share >= MIN_SHARE, goal.pixels))
 
 
-def _meets(claimed: Box, thing: Box) -> bool:
+def meets(claimed: Box, thing: Box) -> bool:
+    """The claim's middle lies in the thing's box, grown by a quarter on each side."""
     x, y = (claimed.x_min + claimed.x_max) / 2, (claimed.y_min + claimed.y_max) / 2
     w, h = (thing.x_max - thing.x_min) / 4, (thing.y_max - thing.y_min) / 4
     return thing.x_min - w <= x <= thing.x_max + w and thing.y_min - h <= y <= thing.y_max + h

@@ -1,0 +1,194 @@
+"""`logisticsvln evaluate`: renders what is missing, asks one vision model, prints its figures, writes its card."""
+
+import asyncio
+import json
+import tempfile
+import urllib.request
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Annotated, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from contracts.orchestrator import SightingSettings
+from contracts.sim import Catalogue
+from orchestrator.clients import Services
+from orchestrator.ports import PortError
+from orchestrator.processes import CannotStart, Processes, free_ports, own_environment
+from orchestrator.record import write_whole
+from vld.bench.folder import BadFolder
+from vld.evaluate_model.asking import Answers, Asker
+from vld.evaluate_model.card import card, told
+from vld.evaluate_model.cases import CATALOGUE_FILE, FIRST_SEED, STRANGE_SEED, Case, read_cases
+from vld.evaluate_model.drawing import draw_curves, draw_mistakes
+from vld.evaluate_model.judged import judged
+from vld.evaluate_model.mistakes import taken_for, tiles
+from vld.evaluate_model.pictures import render
+from vld.evaluate_model.scores import Scores, score
+from vld.report.runs import Run, load_runs
+from vld.sim_client import SimulatorFault, own_simulator
+
+WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+PICTURES = Path("~/.cache/logisticsvln/evaluation")
+CARD, CURVES, SHEET = "model-card.md", "model-card.png", "model-card-mistakes.png"
+MAX_TASKS = 5_000
+
+
+def evaluate(
+    tasks: Annotated[int, typer.Option(min=1, max=MAX_TASKS, help="Fresh streets, one a seed.")] = 300,
+    strange: Annotated[int, typer.Option(min=0, max=MAX_TASKS, help="Streets in looks never trained on.")] = 60,
+    first_seed: Annotated[int, typer.Option(min=0, max=2**30, help="Of the fresh streets.")] = FIRST_SEED,
+    backend: Annotated[str, typer.Option(help="Who is asked: embedded, or an alias of the gateway.")] = "embedded",
+    pictures: Annotated[Path, typer.Option(help="Where pictures are kept: they belong to no model.")] = PICTURES,
+    claim_confidence: Annotated[
+        float | None, typer.Option(min=0, max=1, help="From which a match is a claim.", show_default="the model's own")
+    ] = None,
+    card_folder: Annotated[Path | None, typer.Option("--card", help="Write the model card into this folder.")] = None,
+    flown: Annotated[list[Path] | None, typer.Option(help="A run of `bench`, for the card; several times.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Write answers.json and scores.json into this folder.")] = None,
+    answers: Annotated[Path | None, typer.Option(help="Score these answers again; nobody is asked.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> None:
+    """Measure a vision model on fresh streets: recall, wrong claims, decoys, floors, unknown things, strange looks."""
+    console = Console(stderr=True)
+    settings = SightingSettings(claim_confidence=claim_confidence)
+    folder = pictures.expanduser()
+    seeds = [*range(first_seed, first_seed + tasks), *range(STRANGE_SEED, STRANGE_SEED + strange)]
+    try:
+        runs = load_runs(flown or [])
+        cases = _cases(seeds, folder, console)
+        about: dict[str, Any] = {}
+        if answers is not None:
+            given = Answers.model_validate_json(answers.read_bytes())
+            cases = {a.seed: cases[a.seed] for a in given.sought if a.seed in cases}
+        else:
+            given, about = asyncio.run(_asked(list(cases.values()), folder, backend, console))
+        scores = score(cases, given, settings)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+            write_whole(out / "answers.json", given.model_dump_json())
+            write_whole(out / "scores.json", scores.model_dump_json(indent=1))
+            write_whole(out / "about.json", json.dumps(about))
+        if card_folder is not None:
+            write_card(card_folder, cases, given, scores, folder, about, runs)
+    except (BadFolder, ValueError) as error:
+        _stop(str(error), WRONG_INPUT)
+    except (CannotStart, SimulatorFault, PortError, OSError) as error:
+        _stop(str(error), FAILED)
+    except KeyboardInterrupt:
+        _stop("interrupted; the pictures rendered so far are kept", INTERRUPTED)
+    if as_json:
+        typer.echo(scores.model_dump_json())
+    else:
+        print_scores(Console(), scores)
+
+
+def write_card(
+    place: Path,
+    cases: dict[int, Case],
+    answers: Answers,
+    scores: Scores,
+    pictures: Path,
+    about: dict[str, Any],
+    runs: Sequence[Run] = (),
+) -> None:
+    """The card, its curves and its sheet of mistakes. Raises ImportError without matplotlib, OSError."""
+    place.mkdir(parents=True, exist_ok=True)
+    held = judged(cases, answers, scores.sightings)
+    known = [j for j in held if not j.case.strange]
+    wrong = tiles(known, {s: c for s, c in cases.items() if not c.strange}, _usual(answers, cases), pictures)
+    draw_curves(scores, place / CURVES)
+    draw_mistakes(wrong, place / SHEET)
+    write_whole(place / CARD, card(scores, taken_for(known), wrong, (CURVES, SHEET), about, runs))
+
+
+def print_scores(console: Console, scores: Scores) -> None:
+    """The figures on a terminal."""
+    console.print(
+        f"{scores.model}: {scores.questions} questions at {scores.tasks} streets, and {scores.strange} strange ones",
+        highlight=False,
+    )
+    table = Table(box=None, padding=(0, 2), show_header=False)
+    for name, rate in scores.rates.items():
+        table.add_row(name, told(rate))
+    for title, group in scores.groups.items():
+        if "by kind" not in title:
+            table.add_row("")
+            for name, rate in group.items():
+                table.add_row(f"{title}: {name}", told(rate))
+    console.print(table, highlight=False)
+    waits = (scores.first_look_s, scores.next_phrase_s, scores.floor_count_s)
+    first, following, floors = ("n/a" if w.p50 is None else f"{1000 * w.p50:.0f} ms" for w in waits)
+    console.print(f"five views {first}, another phrase {following}, a floor count {floors}", highlight=False)
+
+
+def _cases(seeds: Sequence[int], folder: Path, console: Console) -> dict[int, Case]:
+    """Those of the folder, the missing ones rendered first. Raises SimulatorFault, OSError."""
+    known = read_cases(folder)
+    if (folder / CATALOGUE_FILE).is_file() and all(seed in known for seed in seeds):
+        return {seed: known[seed] for seed in seeds}
+    with own_simulator() as simulator, _bar(console, "rendering", len(seeds)) as advance:
+        return render(seeds, folder, simulator, lambda _: advance())
+
+
+async def _asked(cases: Sequence[Case], folder: Path, backend: str, console: Console) -> tuple[Answers, dict[str, Any]]:
+    catalogue = Catalogue.model_validate_json((folder / CATALOGUE_FILE).read_bytes())
+    ports = free_ports(("vlm_gateway",))
+    environment = own_environment()
+    with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs:
+        extra = {"vlm_gateway": {"CACHE_MODE": "off"}}
+        async with Processes(ports, Path(logs), environment=environment, extra=extra) as group:
+            token = environment.get("GATEWAY_TOKEN")
+            async with Services(group.addresses, gateway_token=token) as services:
+                asker = Asker(services.ports().vision, folder, catalogue, backend)
+                with _bar(console, f"asking {backend}", len(cases)) as advance:
+                    answers = await asker.ask(cases, lambda _: advance())
+            return answers, await asyncio.to_thread(_about, group.addresses.vlm_gateway, backend, token)
+
+
+def _about(url: str, backend: str, token: str | None) -> dict[str, Any]:
+    """What the gateway says of the model; nothing where it says nothing."""
+    headers = {"Authorization": f"Bearer {token}"} if token else {}
+    try:
+        with urllib.request.urlopen(urllib.request.Request(f"{url}/v1/status", headers=headers), timeout=10) as reply:
+            about = json.loads(reply.read())["models"][backend]
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+    return about if isinstance(about, dict) else {}
+
+
+def _usual(answers: Answers, cases: dict[int, Case]) -> Answers:
+    return answers.model_copy(
+        update={"counted": tuple(c for c in answers.counted if c.seed in cases and not cases[c.seed].strange)}
+    )
+
+
+class _Advance(AbstractContextManager[Callable[[], None]]):
+    """A progress bar that goes on by one at each call."""
+
+    def __init__(self, progress: Progress, what: str, total: int) -> None:
+        self._progress, self._what, self._total = progress, what, total
+
+    def __enter__(self) -> Callable[[], None]:
+        self._progress.start()
+        job = self._progress.add_task(self._what, total=self._total)
+        return lambda: self._progress.advance(job)
+
+    def __exit__(self, *_: object) -> None:
+        self._progress.stop()
+
+
+def _bar(console: Console, what: str, total: int) -> AbstractContextManager[Callable[[], None]]:
+    if total == 0:
+        return nullcontext(lambda: None)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return _Advance(Progress(*columns, console=console, transient=True), what, total)
+
+
+def _stop(message: str, code: int) -> NoReturn:
+    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
+    raise typer.Exit(code)

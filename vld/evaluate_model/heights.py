@@ -1,0 +1,102 @@
+"""Floor localization replayed on the counts of one model: the pictures are the bands' own, eq. 3 the mission's."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from navigation.floor_localization import FinalHeight, Settings, band, band_span_m, decide, direct_count
+from vld.evaluate_model.asking import Answers, Counted
+from vld.evaluate_model.cases import Case, Front
+from vld.evaluate_model.pictures import VERTICAL_FOV_RAD
+from vld.metrics.floor_localization import TOLERANCE_M
+from vld.subtasks.figures import by_group, mean, rate
+from vld.summary import Rate
+
+_EQ3 = Settings()
+
+
+class Heights(NamedTuple):
+    """Rates of the streets that look like those trained on, and of the strange ones."""
+
+    usual: dict[str, Rate]
+    strange: dict[str, Rate]
+    by_building: dict[str, Rate]
+    box_overlap: float | None
+
+
+def heights(cases: Mapping[int, Case], answers: Answers) -> Heights:
+    """A failure is a final height more than the paper's 7 m off, or none at all."""
+    counts: dict[int, dict[int, Counted]] = {}
+    for counted in answers.counted:
+        counts.setdefault(counted.seed, {})[counted.front] = counted
+    usual = [case for case in cases.values() if not case.strange and case.seed in counts]
+    strange = [case for case in cases.values() if case.strange and case.seed in counts]
+    bands = [(case, f, c) for case in usual for f, c in _pairs(case, counts) if f.number]
+    overlaps = [_overlap(f, c) for _, f, c in bands if f.truth.building_box is not None]
+    return Heights(
+        _rates(usual, counts),
+        _rates(strange, counts),
+        by_group((case.building, c.floors == f.truth.floors_visible) for case, f, c in bands),
+        mean(overlaps),
+    )
+
+
+def stepwise_m(case: Case, counts: Mapping[int, int | None]) -> float | None:
+    """The final height by eq. 3, band after band; null where it isn't found. counts: by number of the band."""
+    bands = {front.number: front for front in case.fronts if front.number}
+    counted = 0.0
+    for number in sorted(bands):
+        front = bands[number]
+        here = band(number, band_span_m(front.stand_off_m, VERTICAL_FOV_RAD))
+        decision = decide(here, counted, counts.get(number), case.floor, front.facade_top_m, _EQ3)
+        if isinstance(decision, FinalHeight):
+            return decision.height_m
+        counted += counts.get(number) or 0
+    return None
+
+
+def direct_m(case: Case, count: int | None) -> float | None:
+    """The final height by one count of the whole building; null where it isn't found, or nobody could step back."""
+    whole = next((front for front in case.fronts if not front.number), None)
+    if whole is None:
+        return None
+    top = whole.facade_top_m if whole.facade_top_m is not None else whole.camera_m + whole.stand_off_m
+    decision = direct_count(count, max(top, 1.0), case.floor, _EQ3)
+    return decision.height_m if isinstance(decision, FinalHeight) else None
+
+
+def _rates(cases: Sequence[Case], counts: Mapping[int, Mapping[int, Counted]]) -> dict[str, Rate]:
+    bands = [(f, c) for case in cases for f, c in _pairs(case, counts) if f.number]
+    whole = [(f, c) for case in cases for f, c in _pairs(case, counts) if not f.number]
+    stepwise, direct = [], []
+    for case in cases:
+        told = {f.number: c.floors for f, c in _pairs(case, counts)}
+        goal_m = (case.floor - 0.5) * case.floor_height_m
+        stepwise.append((stepwise_m(case, told), goal_m, case.floor_height_m))
+        if 0 in told:
+            direct.append((direct_m(case, told[0]), goal_m, case.floor_height_m))
+    return {
+        "exact": rate(c.floors == f.truth.floors_visible for f, c in bands),
+        "within one": rate(_within_one(f, c) for f, c in bands),
+        "whole building exact": rate(c.floors == f.truth.floors_visible for f, c in whole),
+        "stepwise failures": rate(h is None or abs(h - goal) > TOLERANCE_M for h, goal, _ in stepwise),
+        "stepwise within half a floor": rate(h is not None and abs(h - goal) <= f / 2 for h, goal, f in stepwise),
+        "direct-count failures": rate(h is None or abs(h - goal) > TOLERANCE_M for h, goal, _ in direct),
+        "direct-count within half a floor": rate(h is not None and abs(h - goal) <= f / 2 for h, goal, f in direct),
+    }
+
+
+def _pairs(case: Case, counts: Mapping[int, Mapping[int, Counted]]) -> list[tuple[Front, Counted]]:
+    mine = counts[case.seed]
+    return [(front, mine[k]) for k, front in enumerate(case.fronts) if k in mine]
+
+
+def _within_one(front: Front, counted: Counted) -> bool:
+    return counted.floors is not None and abs(counted.floors - front.truth.floors_visible) <= 1
+
+
+def _overlap(front: Front, counted: Counted) -> float:
+    truth, mine = front.truth.building_box, counted.box
+    if truth is None or mine is None:
+        return 0.0
+    both = min(truth.y_max, mine.y_max) - max(truth.y_min, mine.y_min)
+    return max(0.0, both) / (max(truth.y_max, mine.y_max) - min(truth.y_min, mine.y_min))
