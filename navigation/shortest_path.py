@@ -72,6 +72,14 @@ class VisibilityGraph:
         rest, after = self._to_goal(free_goal)
         return tuple(self._one(start, goal, free_goal, rest, after) for start in starts)
 
+    def clear_places(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) does each place (N, 2) keep the clearance from all obstacles?"""
+        return self._clear_points(places)
+
+    def clear_legs(self, starts: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) does each straight leg, from places (N, 2) to places (N, 2) that keep the clearance, keep it too?"""
+        return self._clear_legs(starts, ends)
+
     def _to_goal(self, goal: Xy) -> tuple[NDArray[np.float64], list[int]]:
         """Distances of all nodes to the goal, and each node's next node (-1: the goal itself). Dijkstra."""
         rest = self._seen_from(goal)

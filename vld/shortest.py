@@ -46,7 +46,7 @@ def ways(scene: Scene) -> Iterator[ShortestWay]:
     start = scene.start.position
     outlines = obstacles(scene, slot)
     for clearance in CLEARANCES_M:
-        stops = [s for s in _stops(slot) if _out_m(slot, s) >= clearance]
+        stops = stops_before(slot, clearance)
         graph = VisibilityGraph(outlines, clearance)
         # from the stops to the start: one search for all of them
         found = graph.routes(stops, (start.x, start.y))
@@ -68,18 +68,17 @@ def obstacles(scene: Scene, slot: WindowSlot) -> list[tuple[tuple[float, float],
     return [floor_outline(target, slot.floor), *(floor_outline(b, 1) for b in others)]
 
 
-def _stops(slot: WindowSlot) -> list[tuple[float, float]]:
+def stops_before(slot: WindowSlot, clearance_m: float) -> tuple[tuple[float, float], ...]:
+    """Places at most 60 degrees aside of a window's normal and just inside the radius of success, so far from its
+    wall."""
     reach = SUCCESS_RADIUS_M - _INSIDE_M
     stops = []
     for degrees in _FAN_DEG:
         out, aside = reach * math.cos(math.radians(degrees)), reach * math.sin(math.radians(degrees))
         x, y = (slot.centre[i] + slot.normal[i] * out + slot.along[i] * aside for i in (0, 1))
-        stops.append((x, y))
-    return stops
-
-
-def _out_m(slot: WindowSlot, place: tuple[float, float]) -> float:
-    return sum((place[i] - slot.centre[i]) * slot.normal[i] for i in (0, 1))
+        if out >= clearance_m:
+            stops.append((x, y))
+    return tuple(stops)
 
 
 def _ends_straight(route: Route) -> bool:
