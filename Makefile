@@ -8,7 +8,7 @@ SAMPLE ?= green-flower-pot
 BACKEND ?= embedded
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow check format load bench-sim clean
+.PHONY: help setup demo samples test test-slow check format load bench-sim bench-model clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -62,6 +62,9 @@ load: setup .venv/.redis  ## drive every service at its real payloads: requests/
 
 bench-sim: setup  ## five views against PyBullet's TinyRenderer, in process and over HTTP
 	@$(BIN)/python -m tests.load.bench_sim
+
+bench-model: setup  ## the embedded model's CPU time for five views against the rendering of the same views
+	@$(BIN)/python -m tests.load.bench_model
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

@@ -23,13 +23,13 @@ NEAR_M, CLEAR_SHARE, CLEAR_PIXELS = 10.0, 0.6, 200
 VISIBLE_PIXELS = 40
 UNKNOWN = (
     "gramophone",
-    "rocking horse",
+    "spinning wheel",
     "sewing machine",
-    "bird cage",
+    "watering hose",
     "surfboard",
     "grand piano",
     "fire extinguisher",
-    "garden gnome",
+    "bust of a poet",
     "microwave oven",
     "chess board",
     "violin",
@@ -38,8 +38,8 @@ UNKNOWN = (
     "doll house",
     "flower pot stand",
     "typewriter",
-    "satellite dish",
-    "letterbox",
+    "solar panel",
+    "bookend",
     "hammock",
     "telescope",
 )
