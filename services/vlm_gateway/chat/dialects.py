@@ -37,6 +37,8 @@ def call(model: ChatModel, conversation: Sequence[Message], form: Form, structur
         body["response_format"] = {"type": "json_schema", "json_schema": schema}
     elif structured == "json_object":
         body["response_format"] = {"type": "json_object"}
+    elif structured == "json_object_schema":
+        body["response_format"] = {"type": "json_object", "schema": form.schema}
     elif structured == "guided_json":
         body["guided_json"] = form.schema
     elif structured == "structured_outputs":

@@ -30,6 +30,7 @@ _STRUCTURE = re.compile(
     r"no endpoints found that (?:can handle|support)",
     re.IGNORECASE,
 )
+_TRACE = re.compile(r"\s*(?:File \"|Traceback \().*", re.DOTALL)  # some servers tell where on their disk it went wrong
 _WAYS = {
     401: "check its api_key",
     402: "its account has no credit",
@@ -90,6 +91,8 @@ class ReplyReader:
             state = "still loading" if loading else "overloaded"
             message = f"the server of model {self._alias!r} is {state} ({status})"
             return ModelOverloaded(message, retry_after_s=wait_s or 1.0, details=details)
+        if status == 500 and "validation error" in said and _STRUCTURE.search(said):
+            status = 501  # llama-cpp-python's way to say that it does not know a field's value
         if 400 <= status < 500 or status == 501:
             if _DECLINED.search(kind) or (status in (400, 403) and _DECLINED.search(said)):
                 details["reason"] = "declined"
@@ -122,7 +125,7 @@ class ReplyReader:
             kind = f"{error.get('type')} {error.get('code')}"
         if isinstance(text, list):  # FastAPI's list of problems
             text = "; ".join(str(one.get("msg")) for one in text if isinstance(one, dict))
-        said = text[:500] if isinstance(text, str) else ""
+        said = _TRACE.sub("", text)[:500] if isinstance(text, str) else ""
         return (said.replace(self._secret, "***") if self._secret else said), kind
 
 

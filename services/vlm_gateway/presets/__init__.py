@@ -14,7 +14,16 @@ from contracts.base import Wire
 
 BoxStyle = Literal["unit", "thousand", "pixels", "resized_pixels"]
 BoxOrder = Literal["xyxy", "yxyx", "xywh"]
-Structured = Literal["json_schema", "json_object", "guided_json", "structured_outputs", "grammar", "format", "none"]
+Structured = Literal[
+    "json_schema",
+    "json_object",
+    "json_object_schema",
+    "guided_json",
+    "structured_outputs",
+    "grammar",
+    "format",
+    "none",
+]
 
 
 class Family(Wire):
@@ -50,9 +59,9 @@ class Server(Wire):
 
     `api`: `openai` is asked at `/chat/completions` under its address, `ollama` at its native `/api/chat` (typed
     questions only; chats of clients go to its `/v1`). `structured` is the dialect in which an answer's form is asked
-    for: `json_schema` and `json_object` as OpenAI's `response_format`; `guided_json` and `structured_outputs` are
-    vLLM's own fields, before and since 0.12; `grammar` is llama.cpp's GBNF; `format` Ollama's; `none` asks in words
-    only. Whatever a server promises, every answer is checked here. `max_tokens_field` is what it calls the limit of
+    for: `json_schema` and `json_object` as OpenAI's `response_format`; `json_object_schema` is llama-cpp-python's, a
+    JSON object with its schema beside it; `guided_json` and `structured_outputs` are vLLM's own fields, before and
+    since 0.12; `grammar` is llama.cpp's GBNF; `format` Ollama's; `none` asks in words only. Whatever a server promises, every answer is checked here. `max_tokens_field` is what it calls the limit of
     the answer's length. `max_image_bytes` and `max_image_side` (pixels) bound one picture; larger ones are scaled
     down before they are sent. `extra` is sent with every typed question.
     """

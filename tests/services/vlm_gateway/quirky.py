@@ -194,6 +194,13 @@ def _check_lm_studio(body: dict[str, Any], words: str) -> None:
         raise Refusal(400, {"error": "'response_format.type' must be 'json_schema' or 'text'"})
 
 
+def _check_llama_cpp_python(body: dict[str, Any], words: str) -> None:
+    if body.get("response_format", {"type": "text"})["type"] not in ("text", "json_object"):
+        where = 'File "/srv/models/llama_cpp/server/app.py", line 376, in create_chat_completion'
+        said = f"1 validation error:\n  'loc': ('body', 'response_format', 'type')\n\n  {where}"
+        raise Refusal(500, {"error": {"message": said, "type": "internal_server_error", "code": None}})
+
+
 def _check_dashscope(body: dict[str, Any], words: str) -> None:
     kind = body.get("response_format", {}).get("type")
     if kind == "json_schema":
@@ -236,6 +243,7 @@ def _check_grammar(body: dict[str, Any], words: str) -> None:
 _CHECKS: dict[str, Callable[[dict[str, Any], str], None]] = {
     "openai": _check_openai,
     "lm-studio": _check_lm_studio,
+    "llama-cpp-python": _check_llama_cpp_python,
     "dashscope": _check_dashscope,
     "transformers": _check_transformers,
     "openrouter": _check_openrouter,

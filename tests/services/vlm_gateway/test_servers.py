@@ -30,6 +30,7 @@ PRESETS = [
     "ollama-openai",
     "llama-cpp",
     "llama-cpp-grammar",
+    "llama-cpp-python",
     "lm-studio",
     "transformers",
     "openai",
@@ -96,7 +97,13 @@ def test_an_ollama_address_may_be_given_with_or_without_v1() -> None:
 
 
 @pytest.mark.parametrize(
-    ("server_kind", "asked_as"), [("lm-studio", "json_object"), ("dashscope", "json_schema"), ("vllm", "guided_json")]
+    ("server_kind", "asked_as"),
+    [
+        ("lm-studio", "json_object"),
+        ("dashscope", "json_schema"),
+        ("vllm", "guided_json"),
+        ("llama-cpp-python", "json_schema"),
+    ],
 )
 def test_a_dialect_the_server_refuses_is_left_out_from_then_on(serve: Serve, server_kind: str, asked_as: str) -> None:
     with running(server_kind) as server:
@@ -123,6 +130,7 @@ def test_a_model_that_loads_beyond_the_deadline_is_told_as_such(serve: Serve) ->
 ERRORS = [
     ("OpenAI", 400, {"error": {"message": "bad", "type": "invalid_request_error"}}, 502, "model_rejected"),
     ("a bare string", 500, {"error": "llama runner process has terminated"}, 503, "model_unreachable"),
+    ("a trace", 500, {"error": {"message": 'bad\n File "/srv/x.py", line 3'}}, 503, "model_unreachable"),
     ("FastAPI", 422, {"detail": "Unexpected fields in the request: {'seed'}"}, 502, "model_rejected"),
     ("FastAPI's list", 422, {"detail": [{"loc": ["body"], "msg": "field required"}]}, 502, "model_rejected"),
     ("OpenRouter in a 200", 200, {"error": {"code": 429, "message": "rate limited"}}, 503, "model_overloaded"),
@@ -150,6 +158,7 @@ def test_each_server_s_errors_are_told_apart(serve: Serve, status: int, body: An
     with running("openai-compatible", fails) as server:
         answer = post(gateway(serve, server, "openai-compatible"), "/v1/floor-count", floors_body())
     assert (answer.status_code, answer.json()["error"]["code"]) == (code, word)
+    assert "/srv" not in answer.text
 
 
 FILTERS = [
