@@ -2,6 +2,7 @@
 
 import argparse
 import signal
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -26,6 +27,9 @@ def main(arguments: Sequence[str]) -> int:
         fitting.add_argument("--steps", type=int, default=steps, help="in all, earlier runs included")
         fitting.add_argument("--until", type=int, help="stop here, as if interrupted")
         fitting.add_argument("--also", type=Path, action="append", default=[], help="folders of more crops")
+    leaving = stages.add_parser("export", help="write the gateway's files from the checkpoints, calibrate, draw")
+    leaving.add_argument("--out", type=Path, help="where to (default: the gateway's own folder)")
+    leaving.add_argument("--version", default="2")
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _stop)
     if chosen.stage == "render":
@@ -34,6 +38,8 @@ def main(arguments: Sequence[str]) -> int:
         fit_proposer(chosen.home, chosen.steps, chosen.until, chosen.threads)
     elif chosen.stage == "namer":
         fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads, chosen.also)
+    elif chosen.stage == "export":
+        export(chosen.home, chosen.out, chosen.version)
     return 0
 
 
@@ -80,3 +86,47 @@ def fit_namer(home: Path, steps: int, until: int | None, threads: int, also: Seq
     for folder in also:
         files += shards(folder)
     fitting.trainer(home / "nets", files, kinds, colours, fitting.PLAN._replace(steps=steps)).run(until)
+
+
+def export(home: Path, out: Path | None, version: str) -> dict[str, float]:
+    """Writes the three files, with thresholds and calibration from the validation pictures, and draws the figures.
+
+    Raises OSError where there are no checkpoints yet.
+    """
+    from services.vlm_gateway.embedded.exported import FOLDER
+    from services.vlm_gateway.embedded.network import Networks
+    from training import calibrate, judge, plots
+    from training import export as writing
+    from training.shards import shards
+
+    folder = out or FOLDER
+    nets = home / "nets"
+    writing.write_networks(nets, folder)
+    model = writing.plain_model(version)
+    networks = Networks(folder)
+    looks = list(judge.looks(shards(home / "validation"), networks, model))
+    figures = judge.figures(looks)
+    found = calibrate.sightings(looks)
+    calibration = calibrate.calibrated(found)
+    score = calibrate.claim_score(found)
+    model = model.model_copy(update={"calibration": calibration})
+    claim = round(min(0.99, model.confidence_of(score)), 4)
+    candidate = round(min(claim, max(0.1, 0.35 * claim)), 4)
+    first = calibrate.outcome(found, score)
+    figures |= {"claims wrong at first sight": first.wrong, "missions with a right claim": first.found}
+    for name in ("proposer", "namer"):
+        figures[f"{name} steps"] = float(writing.steps_of(nets / f"{name}.pt"))
+    figures["training pictures"] = float(sum(1 for _ in shards(home / "fit")))
+    held_out = judge.figures(judge.looks(shards(home / "held_out"), networks, model))
+    figures |= {f"held-out looks: {k}": v for k, v in held_out.items()}
+    figures = {k: round(v, 4) for k, v in figures.items()}
+    writing.write_model(model.model_copy(update={"claim": claim, "candidate": candidate, "figures": figures}), folder)
+    drawn = home / "figures"
+    drawn.mkdir(exist_ok=True)
+    plots.training_curves(nets / "proposer-log.jsonl", nets / "namer-log.jsonl", drawn / "training.png")
+    plots.calibration_curve(found, calibration, drawn / "calibration.png")
+    plots.recall_curves(looks, drawn / "recall.png")
+    for key, value in figures.items():
+        sys.stdout.write(f"{key:55} {value:.4f}\n")
+    sys.stdout.write(f"claim from {claim}, another look from {candidate}\n")
+    return figures

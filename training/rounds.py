@@ -43,7 +43,7 @@ class Trainer:
     ) -> None:
         self.net, self.plan, self._loss, self._name = net, plan, loss, name
         self.smooth = {k: v.detach().clone() for k, v in net.state_dict().items()}
-        self._best = torch.optim.AdamW(net.parameters(), lr=plan.rate, weight_decay=plan.decay)
+        self._best = torch.optim.AdamW(net.parameters(), lr=plan.rate, weight_decay=plan.decay, fused=True)
         self._checkpoint, self._log = folder / f"{name}.pt", folder / f"{name}-log.jsonl"
         self.step = 0
         folder.mkdir(parents=True, exist_ok=True)
