@@ -11,6 +11,7 @@ from contracts.scene import BuildingKind
 from vld.metrics.breakdown import FLOOR_GROUPS, breakdown, floor_group
 from vld.metrics.collisions import collisions
 from vld.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
+from vld.metrics.ideal_lap import ideal_lap_spl
 from vld.metrics.model_calls import RoleCalls, model_calls
 from vld.metrics.paired import mcnemar, paired_bootstrap
 from vld.metrics.proportion import Proportion
@@ -63,7 +64,8 @@ class Groups(Wire):
 class Summary(Wire):
     """A run's figures. Every rate is over the `tasks` flown, broken episodes included; `planned` is how many the run
     is to have. `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and
-    waiting for models; `wall_s` is the run's own, all workers together."""
+    waiting for models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of somebody
+    who knows the map and guesses the side, on the same tasks."""
 
     tasks: int
     planned: int
@@ -71,6 +73,7 @@ class Summary(Wire):
     floor_fail: Rate
     recognition_fail: Rate
     spl: Spl
+    ideal_lap_spl: float | None = None
     average_steps: float | None
     collisions: int
     outcomes: dict[Reason, int]
@@ -127,6 +130,7 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
             horizontal=_rounded(spl([horizontal(tasks[record.task], record) for record in ordered])),
             spatial=_rounded(spl([spatial(tasks[record.task], record) for record in ordered])),
         ),
+        ideal_lap_spl=_rounded(ideal_lap_spl([tasks[record.task] for record in ordered])),
         average_steps=_rounded(average_steps(ordered)),
         collisions=collisions(ordered),
         outcomes={reason: reasons[reason] for reason in get_args(Reason) if reasons[reason]},

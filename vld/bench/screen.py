@@ -11,7 +11,8 @@ def print_summary(console: Console, summary: Summary, folder: str) -> None:
     main = Table(box=None, padding=(0, 2), show_header=False)
     main.add_row("tasks", f"{summary.tasks}" + (f" of {summary.planned}" if summary.tasks < summary.planned else ""))
     main.add_row("success rate", spoken(summary.success))
-    main.add_row("SPL", f"{_number(summary.spl.horizontal)} horizontal, {_number(summary.spl.spatial)} spatial")
+    spl = f"{_number(summary.spl.horizontal)} horizontal, {_number(summary.spl.spatial)} spatial"
+    main.add_row("SPL", f"{spl}; an ideal lap {_number(summary.ideal_lap_spl)}")
     main.add_row("average steps", "n/a" if summary.average_steps is None else f"{summary.average_steps:.1f}")
     main.add_row("floor localization fails", spoken(summary.floor_fail))
     main.add_row("object recognition fails", spoken(summary.recognition_fail))

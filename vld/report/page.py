@@ -13,7 +13,7 @@ from vld.report.pictures import DEFAULT_BYTES
 from vld.report.runs import Run
 from vld.report.sections import compared, each_role_alone, models
 from vld.report.tables import five_tables
-from vld.summary import Groups, Rate
+from vld.summary import Groups, Rate, Summary
 
 TITLES = {kind: kind.replace("_", "-") for kind in get_args(BuildingKind)}
 KINDS_OF_DIFFERENCE = (
@@ -76,12 +76,20 @@ def _nav(runs: Sequence[Run]) -> Html:
     return tag("nav", *(tag("a", name, href=f"#{name}") for name in names))
 
 
+def _share_of(summary: Summary) -> str:
+    """How near the run comes to what somebody with the whole map and a coin would score."""
+    if not summary.ideal_lap_spl or summary.spl.horizontal is None:
+        return ""
+    return f", of which {summary.spl.horizontal / summary.ideal_lap_spl:.2f}× reached"
+
+
 def _run_card(k: int, run: Run) -> Html:
     summary, settings = run.summary, run.settings
     busy = summary.render_s + summary.model_s
     part = f" of {summary.planned}" if summary.planned != summary.tasks else ""
     facts = [
         ("SPL", f"{percent(summary.spl.horizontal)} % (3-D {percent(summary.spl.spatial)} %)"),
+        ("Ideal lap's SPL", f"{percent(summary.ideal_lap_spl)} %" + _share_of(summary)),
         ("Average steps", number(summary.average_steps)),
         ("Floor failures", f"{percent(summary.floor_fail.rate)} % ({summary.floor_fail.k}/{summary.floor_fail.n})"),
         ("Recognition failures", _of(summary.recognition_fail)),

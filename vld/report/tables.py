@@ -153,11 +153,8 @@ def _our_scores(first: str, rows: Sequence[Row]) -> Html:
             continue
         test = _test(row)
         summary = row.run.summary
-        spl = _number(percent(summary.spl.horizontal), f"3-D {percent(summary.spl.spatial)}")
-        if test is not None:
-            spl = _number(
-                percent(summary.spl.horizontal), f"3-D {percent(summary.spl.spatial)} · p {p_value(test.spl.p)}"
-            )
+        beside = f"3-D {percent(summary.spl.spatial)} · ideal lap {percent(summary.ideal_lap_spl)}"
+        spl = _number(percent(summary.spl.horizontal), beside + (f" · p {p_value(test.spl.p)}" if test else ""))
         cells.append(
             [
                 text(row.name),
