@@ -1,5 +1,6 @@
 """One building of each kind: walls, entrance, bands, roof, and what makes the kind recognisable."""
 
+from functools import lru_cache
 from math import atan2
 from typing import NamedTuple
 
@@ -40,7 +41,7 @@ def build_building(
     if building.kind == "cultural":
         roof = _temple(assembly, part, building, plans, textures, spot)
     else:
-        assembly.draw(part, _bands(building, plans[0], textures))
+        assembly.draw(part, _bands(building, textures))
         roof = _roof(building, plans[0], textures, rng)
     assembly.draw(part, roof)
     assembly.block(part, roof)
@@ -63,8 +64,10 @@ def _dress(building: Building, textures: TextureSet, rng: np.random.Generator) -
     return Dress(surround, ground, mixed(style.wall_colour, "#6a6258", 0.30), None, metal)
 
 
-def _bands(building: Building, plan: Plan, textures: TextureSet) -> list[Mesh]:
-    """Plinth, string courses between the floors, corner strips and rain pipes."""
+@lru_cache(maxsize=128)
+def _bands(building: Building, textures: TextureSet) -> Mesh:
+    """Plinth, string courses between the floors, corner strips and rain pipes; whatever the scene."""
+    plan = plan_of(floor_outline(building, 1))
     style, h = building.style, building.floor_height_m
     top = wall_height_m(building)
     low = min(0.45, max(building.windows.sill_m - 0.15, 0.1))
@@ -104,7 +107,7 @@ def _bands(building: Building, plan: Plan, textures: TextureSet) -> list[Mesh]:
         pipe = here + u * 0.55 + np.array([u[1], -u[0]]) * 0.09
         if building.kind != "high_rise":
             parts.append(rod((*pipe, 0.1), (*pipe, top), 0.05, 6).recoloured("#8a8c8b"))
-    return parts
+    return concatenate(parts)
 
 
 def _quoins(top: float, colour: str, frame: NDArray[np.float64], mirrored: bool) -> Mesh:

@@ -1,5 +1,7 @@
 """Trees and shrubs: trunks, and crowns of lumpy balls or tiers."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from contracts.scene import Tree
@@ -21,6 +23,7 @@ def tree(plant: Tree, textures: TextureSet, rng: np.random.Generator) -> Mesh:
     return _broadleaf(plant, textures, rng).transformed(move=foot)
 
 
+@lru_cache(maxsize=2048)
 def tree_solid(plant: Tree) -> Mesh:
     """A plain stand-in to bump into."""
     foot = (plant.position.x, plant.position.y, 0.0)
@@ -44,7 +47,7 @@ def _lump(
     rings: int = 7,
 ) -> Mesh:
     """An uneven ball, lighter on top: the sun reaches there."""
-    ball = ellipsoid(1.0, (0, 0, 0), segments, rings, colour, layer)
+    ball = _ball(segments, rings, colour, layer)
     p = ball.positions.astype(np.float64)
     axes = rng.normal(size=(7, 3)) * 2.6
     phase = rng.uniform(0, 6.28, 7)
@@ -56,6 +59,11 @@ def _lump(
     return Mesh(
         shape.astype(np.float32), ball.normals, (ball.uv * size).astype(np.float32), colours, ball.layer, ball.faces
     )
+
+
+@lru_cache(maxsize=512)
+def _ball(segments: int, rings: int, colour: Colour, layer: int) -> Mesh:
+    return ellipsoid(1.0, (0, 0, 0), segments, rings, colour, layer)
 
 
 def _broadleaf(plant: Tree, textures: TextureSet, rng: np.random.Generator) -> Mesh:

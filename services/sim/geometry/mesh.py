@@ -7,6 +7,7 @@ with v pointing up. Colours are sRGB and multiply the texture; layer 0 is plain 
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -128,11 +129,14 @@ def make(
 ) -> Mesh:
     """A mesh of one colour and one layer from plain arrays."""
     p = np.ascontiguousarray(positions, np.float32).reshape(-1, 3)
+    # not tiled: a scene has thousands of these, and tiling three numbers takes longer than the rest
+    colours = np.empty((len(p), 3), np.uint8)
+    colours[:] = rgb(colour)
     return Mesh(
         p,
         np.ascontiguousarray(normals, np.float32).reshape(-1, 3),
         np.ascontiguousarray(uv, np.float32).reshape(-1, 2),
-        np.tile(rgb(colour), (len(p), 1)),
+        colours,
         np.full(len(p), layer, np.uint16),
         np.ascontiguousarray(faces, np.uint32).reshape(-1, 3),
     )
@@ -140,11 +144,14 @@ def make(
 
 def rgb(colour: Colour) -> NDArray[np.uint8]:
     """(3,) uint8. Raises ValueError for a string that is not #rrggbb."""
-    if isinstance(colour, str):
-        if len(colour) != 7 or colour[0] != "#":
-            raise ValueError(f"a colour is written #rrggbb, not {colour!r}")
-        return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
-    return np.array(colour, np.uint8)
+    return _parsed(colour).copy() if isinstance(colour, str) else np.array(colour, np.uint8)
+
+
+@lru_cache(maxsize=4096)
+def _parsed(colour: str) -> NDArray[np.uint8]:
+    if len(colour) != 7 or colour[0] != "#":
+        raise ValueError(f"a colour is written #rrggbb, not {colour!r}")
+    return np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)], np.uint8)
 
 
 def mixed(a: Colour, b: Colour, share_of_b: float) -> tuple[int, int, int]:

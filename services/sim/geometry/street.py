@@ -1,12 +1,16 @@
 """The ground and what stands on it: surfaces, roads with pavements, cars, lamps, trees."""
 
+from functools import cache, lru_cache
 from itertools import pairwise
 from math import hypot
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely import geometry as shape
 from shapely.ops import unary_union
 
+from contracts.geometry import Point2
 from contracts.scene import Car, Road, Scene
 from services.sim.geometry.backdrop import build_backdrop
 from services.sim.geometry.facade import chance
@@ -34,7 +38,7 @@ def build_surroundings(assembly: Assembly, scene: Scene, textures: TextureSet) -
     for mesh in trees:
         assembly.draw(part, mesh)
     for i, car in enumerate(scene.ground.cars):
-        assembly.draw(part, _car(car, textures, chance(scene.seed, f"car {i}")))
+        assembly.draw(part, _car(car, chance(scene.seed, f"car {i}")))
         body = box((4.3, 1.8, 1.45), (0, 0, 0.73)).transformed(yaw=car.yaw, move=(car.position.x, car.position.y, 0))
         assembly.block(part, body)
     for spot in scene.ground.lamps:
@@ -45,44 +49,66 @@ def build_surroundings(assembly: Assembly, scene: Scene, textures: TextureSet) -
 def _ground(assembly: Assembly, part: int, scene: Scene, textures: TextureSet) -> None:
     """Surfaces that share edges and never overlap, cut into squares so that they are culled and vary in tone."""
     ground = scene.ground
-    half = ground.half_size_m
-    roads = [shape.Polygon(_strip(r, r.width_m / 2)) for r in ground.roads]
-    carriage = unary_union(roads)
-    pavement = unary_union([shape.Polygon(_strip(r, r.width_m / 2 + r.pavement_m)) for r in ground.roads])
-    pavement = pavement.difference(carriage)
-    plans = [plan_of([(p.x, p.y) for p in b.footprint]) for b in scene.buildings]
-    aprons = [shape.Polygon(grown(plan, 1.2)) for plan in plans]
-    apron = unary_union(aprons).difference(unary_union([carriage, pavement]))
-    rest = shape.box(-half, -half, half, half).difference(unary_union([carriage, pavement, apron]))
     layer = textures.layer(ground.surface)
+    footprints = tuple(b.footprint for b in scene.buildings)
+    lie = _lie(ground.roads, ground.half_size_m, footprints, ground.surface, layer)
     rng = chance(scene.seed, "ground")
-    pieces = np.arange(-half, half, PIECE_M)
-    tones = rng.uniform(0.90, 1.0, (len(pieces) + 1, len(pieces) + 1))
-    for i, x in enumerate(pieces):
-        row = []
-        for j, y in enumerate(pieces):
-            cell = shape.box(x, y, min(x + PIECE_M, half), min(y + PIECE_M, half))
-            for piece in _polygons(rest.intersection(cell)):
-                mesh = _flat(piece, 0.0, _SURFACES[ground.surface], layer)
-                u = (mesh.positions[:, :2] - np.array([x, y])) / PIECE_M
-                tone = (
-                    tones[i, j] * (1 - u[:, 0]) * (1 - u[:, 1])
-                    + tones[i + 1, j] * u[:, 0] * (1 - u[:, 1])
-                    + tones[i, j + 1] * (1 - u[:, 0]) * u[:, 1]
-                    + tones[i + 1, j + 1] * u[:, 0] * u[:, 1]
-                )
-                colours = np.clip(mesh.colours * tone[:, None], 0, 255).astype(np.uint8)
-                row.append(Mesh(mesh.positions, mesh.normals, mesh.uv, colours, mesh.layer, mesh.faces))
-            if len(row) and (j % 4 == 3 or j == len(pieces) - 1):
-                assembly.draw(part, row)
-                row = []
+    tones = rng.uniform(0.90, 1.0, (lie.columns + 1, lie.columns + 1))
+    for row in lie.rows:
+        meshes = []
+        for i, j, mesh, u in row:
+            tone = (
+                tones[i, j] * (1 - u[:, 0]) * (1 - u[:, 1])
+                + tones[i + 1, j] * u[:, 0] * (1 - u[:, 1])
+                + tones[i, j + 1] * (1 - u[:, 0]) * u[:, 1]
+                + tones[i + 1, j + 1] * u[:, 0] * u[:, 1]
+            )
+            colours = np.clip(mesh.colours * tone[:, None], 0, 255).astype(np.uint8)
+            meshes.append(Mesh(mesh.positions, mesh.normals, mesh.uv, colours, mesh.layer, mesh.faces))
+        assembly.draw(part, meshes)
     stone = textures.layer("paving")
-    for piece in _polygons(apron):
+    for piece in lie.aprons:
         assembly.draw(part, _flat(piece, 0.0, "#b4aea4", stone))
-    for piece in _polygons(pavement):
+    for piece in lie.pavements:
         assembly.draw(part, [_flat(piece, KERB_M, "#b9b5ae", stone), *_kerbs(piece)])
     for road in ground.roads:
         assembly.draw(part, _carriageway(road, textures.layer("road")))
+
+
+class _Lie(NamedTuple):
+    """How the ground is divided. `rows` are drawn together, each cell with its place in the grid, its mesh and where
+    its corners lie in it (0..1)."""
+
+    columns: int
+    rows: tuple[tuple[tuple[int, int, Mesh, NDArray[np.float64]], ...], ...]
+    aprons: tuple[shape.Polygon, ...]
+    pavements: tuple[shape.Polygon, ...]
+
+
+@lru_cache(maxsize=64)
+def _lie(
+    ways: tuple[Road, ...], half: float, footprints: tuple[tuple[Point2, ...], ...], surface: str, layer: int
+) -> _Lie:
+    """The same in every scene of a street, whatever its seed."""
+    carriage = unary_union([shape.Polygon(_strip(r, r.width_m / 2)) for r in ways])
+    pavement = unary_union([shape.Polygon(_strip(r, r.width_m / 2 + r.pavement_m)) for r in ways])
+    pavement = pavement.difference(carriage)
+    aprons = [shape.Polygon(grown(plan_of([(p.x, p.y) for p in footprint]), 1.2)) for footprint in footprints]
+    apron = unary_union(aprons).difference(unary_union([carriage, pavement]))
+    rest = shape.box(-half, -half, half, half).difference(unary_union([carriage, pavement, apron]))
+    pieces = np.arange(-half, half, PIECE_M)
+    rows = []
+    for i, x in enumerate(pieces):
+        row: list[tuple[int, int, Mesh, NDArray[np.float64]]] = []
+        for j, y in enumerate(pieces):
+            cell = shape.box(x, y, min(x + PIECE_M, half), min(y + PIECE_M, half))
+            for piece in _polygons(rest.intersection(cell)):
+                mesh = _flat(piece, 0.0, _SURFACES[surface], layer)
+                row.append((i, j, mesh, (mesh.positions[:, :2] - np.array([x, y])) / PIECE_M))
+            if len(row) and (j % 4 == 3 or j == len(pieces) - 1):
+                rows.append(tuple(row))
+                row = []
+    return _Lie(len(pieces), tuple(rows), tuple(_polygons(apron)), tuple(_polygons(pavement)))
 
 
 def _strip(road: Road, half_width_m: float) -> list[tuple[float, float]]:
@@ -133,10 +159,16 @@ def _kerbs(piece: shape.Polygon) -> list[Mesh]:
     return parts
 
 
-def _car(car: Car, textures: TextureSet, rng: np.random.Generator) -> Mesh:
+def _car(car: Car, rng: np.random.Generator) -> Mesh:
     """A small saloon or hatchback, nose along +x."""
-    estate = rng.random() < 0.5
-    paint, glass = car.colour, "#1f272e"
+    return _car_shape(car.colour, bool(rng.random() < 0.5)).transformed(
+        yaw=car.yaw, move=(car.position.x, car.position.y, 0.02)
+    )
+
+
+@lru_cache(maxsize=256)
+def _car_shape(paint: str, estate: bool) -> Mesh:
+    glass = "#1f272e"
     lower = [(-2.1, 0.32), (2.1, 0.32), (2.15, 0.62), (1.95, 0.80), (0.95, 0.92), (-1.75, 0.95), (-2.12, 0.85)]
     tail = -1.95 if estate else -1.45
     upper = [(0.95, 0.92), (0.25, 1.42), (-1.2, 1.45), (tail, 0.95)]
@@ -161,7 +193,7 @@ def _car(car: Car, textures: TextureSet, rng: np.random.Generator) -> Mesh:
     for s in (-1, 1):
         parts.append(box((0.06, 0.36, 0.14), (2.08, s * 0.58, 0.70), "#f3f1e6"))
         parts.append(box((0.06, 0.30, 0.14), (-2.10, s * 0.62, 0.78), "#a5281e"))
-    return concatenate(parts).transformed(yaw=car.yaw, move=(car.position.x, car.position.y, 0.02))
+    return concatenate(parts)
 
 
 def _side_extruded(profile: list[tuple[float, float]], top_half: float, low_half: float, colour: Colour) -> Mesh:
@@ -178,6 +210,7 @@ def _side_extruded(profile: list[tuple[float, float]], top_half: float, low_half
     return Mesh(moved.astype(np.float32), normals.astype(np.float32), flat.uv, flat.colours, flat.layer, flat.faces)
 
 
+@cache
 def _lamp() -> Mesh:
     grey = "#4c5054"
     return concatenate(

@@ -3,6 +3,7 @@
 A window's origin is the middle of its opening in the wall's plane, a balcony's the middle of its floor at the wall.
 """
 
+from functools import lru_cache
 from math import cos, pi, sin
 
 import numpy as np
@@ -23,6 +24,7 @@ def bar(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], 
     return box(size, middle, colour, layer, without=("-x",))
 
 
+@lru_cache(maxsize=256)
 def window(grid: WindowGrid, style: FacadeStyle, wall_layer: int, dress: str, door_drop_m: float = 0.0) -> Mesh:
     """Everything of a window but its pane: reveals, frame, mullions, ledge and, as `dress` says (plain, surround,
     lintel, shutters), what surrounds it. `door_drop_m` > 0 lets it down to a balcony's floor: no ledge then."""
@@ -120,6 +122,7 @@ def balcony_width_m(grid: WindowGrid) -> float:
     return min(grid.width_m + 1.1, grid.pitch_m - 0.1)
 
 
+@lru_cache(maxsize=256)
 def balcony(plan: BalconyPlan, grid: WindowGrid, style: FacadeStyle, metal: str) -> Mesh:
     """Slab and railing."""
     w, d = balcony_width_m(grid) / 2, plan.depth_m
@@ -168,12 +171,13 @@ def _glass_rail(x0: float, y0: float, x1: float, y1: float, length: float, metal
     return parts
 
 
-def balcony_solid(plan: BalconyPlan, grid: WindowGrid) -> list[Mesh]:
+@lru_cache(maxsize=256)
+def balcony_solid(plan: BalconyPlan, grid: WindowGrid) -> tuple[Mesh, ...]:
     """What of a balcony can be bumped into: its slab and its railing as plates."""
     w, d = balcony_width_m(grid) / 2, plan.depth_m
-    return [
+    return (
         box((d, 2 * w, SLAB_M), (d / 2, 0, -SLAB_M / 2)),
         box((0.06, 2 * w - 0.08, RAIL_M), (d - 0.05, 0, RAIL_M / 2)),
         box((d, 0.06, RAIL_M), (d / 2, -w + 0.05, RAIL_M / 2)),
         box((d, 0.06, RAIL_M), (d / 2, w - 0.05, RAIL_M / 2)),
-    ]
+    )
