@@ -108,8 +108,10 @@ class _Finder:
             "*",
         ):
             placed = bool(words_before & {"on", "to", "up", "from", "floor", "live", "at", "in", "no", "say", "saying"})
+            again = any(mention.floor == value for mention in self.found)
             small = (
                 value <= 2
+                and not again
                 and self._norm(at + 1) not in ("i", "we", "that", "now")
                 and self._tokens[at].raw.isalpha()
                 and not words_before & {"on", "floor", "up", "to"}
@@ -232,7 +234,9 @@ class _Finder:
             self._add(at - 1, at + 1, 1, 5.0)
             return 1
         ahead = at + 1
-        while ahead < self._size and ahead - at <= 4:
+        if self._norm(ahead) == "," and self._norm(ahead + 1) in ("which", "that"):
+            ahead += 2  # "the floor, which is the second"
+        while ahead < self._size and ahead - at <= 5:
             kind = self._kind(ahead)
             if kind is Kind.CARDINAL or kind is Kind.ORDINAL:
                 return self._after_noun(at, ahead)

@@ -82,6 +82,21 @@ def _stands_alone(tokens: list[Token], scored: ScoredPhrase, taken: Set[int]) ->
     return scored.score >= -0.25 and cues.is_clause(tokens, phrase, taken) and not named and len(head.norm) > 2
 
 
+_KEYBOARD = ("qwertyuiop", "asdfghjkl", "zxcvbnm", "qwertzuiop", "azertyuiop")
+
+
+def _is_gibberish(word: str) -> bool:
+    """Fingers on the keyboard: a run of neighbouring keys, or letters that no English word has in a row."""
+    if len(word) < 4 or not word.isalpha() or not word.isascii():
+        return False
+    run = any(word in row or word[::-1] in row for row in _KEYBOARD)
+    return run or not set(word) & set("aeiouy") or any(word[i : i + 2] not in ("qu", "q") for i in _at(word, "q"))
+
+
+def _at(word: str, letter: str) -> list[int]:
+    return [i for i, c in enumerate(word) if c == letter]
+
+
 _PETS = words("cat dog hamster parrot rabbit budgie cats dogs puppy kitten")
 _ALONE_TOO = words("bell heart sun keyboard robot wheel castle elephant pizza cake telephone phone face hand")
 
@@ -89,7 +104,7 @@ _ALONE_TOO = words("bell heart sun keyboard robot wheel castle elephant pizza ca
 def _names_thing(tokens: list[Token], phrase: Phrase) -> bool:
     head = tokens[phrase.head].norm
     own = {tokens[i].norm for i in range(phrase.first, phrase.head)}
-    if phrase.determiner == "another":
+    if phrase.determiner == "another" or any(_is_gibberish(word) for word in own | {head}):
         return False
     if head in lex.KIN or head in lex.PEOPLE:
         return bool(own & lex.FIGURE_STUFF)

@@ -100,3 +100,14 @@ def test_floors_stay_within_the_contract() -> None:
     assert parse("floor 201").floor is None
     assert parse("floor 0").floor is None
     assert parse("five floors below the third floor").floor is None
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "He says I must tell you the floor, which is the second, and something you can see.",
+        "I said the second floor. No, not the third. The second. With a red kite.",
+    ],
+)
+def test_a_floor_said_beside_its_noun_or_said_again_after_a_correction_counts(request_: str) -> None:
+    assert parse(request_).floor == 2

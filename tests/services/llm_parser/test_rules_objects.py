@@ -126,3 +126,8 @@ def test_long_monotonous_requests_are_answered_like_any_other(piece: str) -> Non
 @pytest.mark.parametrize("request_", ["floor 4, boombox", "gramophone, floor 4", "Floor twelve and a gramophone."])
 def test_a_thing_that_stands_alone_is_taken_for_the_mark(request_: str) -> None:
     assert parse(request_).object in ("boombox", "gramophone")
+
+
+@pytest.mark.parametrize("request_", ["asdf qwer", "floor 3, asdf", "qwerty fghj, fourth floor", "zxcvb", "blue door"])
+def test_fingers_on_the_keyboard_and_doors_mark_no_window(request_: str) -> None:
+    assert parse(request_).object is None
