@@ -16,6 +16,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
     parser.add_argument("--home", type=Path, default=DEFAULT_HOME, help="where pictures and checkpoints lie")
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--streets", type=int, default=3000, help="streets to train on; about 17 pictures each")
     stages = parser.add_subparsers(dest="stage")
     drawing = stages.add_parser("render", help="draw streets into shards")
     drawing.add_argument("--set", choices=("fit", "validation", "held_out"), default="fit")
@@ -26,6 +27,7 @@ def main(arguments: Sequence[str]) -> int:
         fitting = stages.add_parser(name, help=f"train the {name}")
         fitting.add_argument("--steps", type=int, default=steps, help="in all, earlier runs included")
         fitting.add_argument("--until", type=int, help="stop here, as if interrupted")
+        fitting.add_argument("--proposed", action="store_true", help="the namer: on the proposer's boxes as well")
         fitting.add_argument("--also", type=Path, action="append", default=[], help="folders of more crops")
     leaving = stages.add_parser("export", help="write the gateway's files from the checkpoints, calibrate, draw")
     leaving.add_argument("--out", type=Path, help="where to (default: the gateway's own folder)")
@@ -37,15 +39,26 @@ def main(arguments: Sequence[str]) -> int:
     elif chosen.stage == "proposer":
         fit_proposer(chosen.home, chosen.steps, chosen.until, chosen.threads)
     elif chosen.stage == "namer":
-        fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads, chosen.also)
+        fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads, chosen.also, proposed=chosen.proposed)
     elif chosen.stage == "export":
         export(chosen.home, chosen.out, chosen.version)
+    else:
+        everything(chosen.home, chosen.threads, chosen.streets)
     return 0
 
 
 def _stop(*_: object) -> None:
     """Ended from outside: what is running saves its checkpoint and goes."""
     raise KeyboardInterrupt
+
+
+def everything(home: Path, threads: int, streets: int) -> None:
+    """All stages, one after the other, each from where it stopped."""
+    for which, count in (("fit", streets), ("validation", max(4, streets // 30)), ("held_out", max(2, streets // 60))):
+        draw(home, which, 0, count)
+    fit_proposer(home, 4 * streets, None, threads)
+    fit_namer(home, 8 * streets, None, threads, proposed=True)
+    export(home, None, "2")
 
 
 def draw(home: Path, which: str, first: int, count: int, every: int = 1) -> None:
@@ -72,17 +85,33 @@ def fit_proposer(home: Path, steps: int, until: int | None, threads: int) -> Non
     fitting.trainer(home / "nets", paths, fitting.PLAN._replace(steps=steps)).run(until)
 
 
-def fit_namer(home: Path, steps: int, until: int | None, threads: int, also: Sequence[Path] = ()) -> None:
+def fit_namer(
+    home: Path, steps: int, until: int | None, threads: int, also: Sequence[Path] = (), *, proposed: bool = False
+) -> None:
+    """`proposed`: crops of what the proposer proposes too, as the namer will meet it, and not only of true boxes."""
     import torch
 
     from training import fit_namer as fitting
     from training.crop_store import collect
+    from training.fit_proposer import proposer_of
     from training.render import colour_numbers, kind_numbers
     from training.shards import shards
 
     torch.set_num_threads(threads)
     kinds, colours = len(kind_numbers()), len(colour_numbers())
-    files = collect(shards(home / "fit"), home / "crops", kinds, context=CONTEXT, min_px=LEAST_PX)
+    folder, propose = home / "crops", None
+    if proposed:
+        folder, propose = home / "crops-proposed", proposer_of(home / "nets" / "proposer.pt")
+    with progress() as bar:
+        paths = list(shards(home / "fit"))
+        files = collect(
+            bar.track(paths, description="cutting crops"),
+            folder,
+            kinds,
+            context=CONTEXT,
+            min_px=LEAST_PX,
+            propose=propose,
+        )
     for folder in also:
         files += shards(folder)
     fitting.trainer(home / "nets", files, kinds, colours, fitting.PLAN._replace(steps=steps)).run(until)

@@ -3,12 +3,16 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
-from training.nets import Proposer, distances_px
+from services.vlm_gateway.embedded.crops import proposals
+from training.crop_store import Floats, Propose
+from training.nets import STRIDE, Proposer, ProposerAnswer, distances_px
 from training.pieces import Pieces
 from training.rounds import Plan, Trainer
+from training.shards import Picture
 
 BATCH = 4
 PLAN = Plan(steps=6000, rate=1.5e-3)
@@ -69,3 +73,20 @@ def overlaps(ours: Tensor, box: Tensor) -> Tensor:
 
 def _area(box: Tensor) -> Tensor:
     return (box[:, 0] + box[:, 2]) * (box[:, 1] + box[:, 3])
+
+
+def proposer_of(checkpoint: Path, threshold: float = 0.15, limit: int = 24) -> Propose:
+    """Boxes as the trained proposer proposes them, doubtful ones included. Raises OSError without a checkpoint."""
+    net = Proposer()
+    net.load_state_dict(torch.load(checkpoint, weights_only=True)["smooth"])
+    answer = ProposerAnswer(net.to(memory_format=torch.channels_last)).eval()
+
+    def propose(rgb: Picture) -> Floats:
+        with torch.no_grad():
+            objectness, box, *_ = answer(torch.from_numpy(np.ascontiguousarray(rgb))[None])
+        boxes, _ = proposals(
+            objectness[0].numpy(), box[0].numpy(), stride=STRIDE, threshold=threshold, overlap=0.5, limit=limit
+        )
+        return boxes
+
+    return propose

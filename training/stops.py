@@ -85,10 +85,15 @@ def _beside(wall: object, pose: Pose) -> float:
 def _square(street: Street, rng: np.random.Generator) -> Look:
     """Squarely before a wall, at a band's middle or at any height: where floors are counted."""
     target = street.scene.building(street.scene.target)
-    wall = facades(target)[int(rng.choice(street.walls))]
-    off = float(rng.uniform(*_SQUARE_M))
-    slide = float(rng.uniform(-0.25, 0.25)) * wall.length_m
-    x, y = (wall.start[i] + wall.along[i] * (wall.length_m / 2 + slide) + wall.normal[i] * off for i in (0, 1))
+    outline = floor_outline(target, 1)
+    # a wall in a court may have no room before it: then another, and the outer ones always have
+    for number in (*rng.choice(street.walls, 8), *range(len(outline))):
+        wall = facades(target)[int(number)]
+        off = float(rng.uniform(*_SQUARE_M))
+        slide = float(rng.uniform(-0.25, 0.25)) * wall.length_m
+        x, y = (wall.start[i] + wall.along[i] * (wall.length_m / 2 + slide) + wall.normal[i] * off for i in (0, 1))
+        if distance_to_outline((x, y), outline) >= NEAREST_M:
+            break
     height = wall_height_m(target)
     bands = [off * (2 * k + 1) for k in range(math.ceil(height / (2 * off)))]
     z = float(rng.choice(bands))
