@@ -9,7 +9,7 @@ import threading
 import time
 
 import uvicorn
-from fastapi import FastAPI
+from starlette.types import ASGIApp
 
 from service_kit.settings import Settings
 
@@ -38,7 +38,7 @@ def set_up_logging(level: str) -> None:
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
 
 
-def run(app: FastAPI, settings: Settings, default_port: int) -> None:
+def run(app: ASGIApp, settings: Settings, default_port: int) -> None:
     """Serve until SIGTERM or SIGINT. `HOST`, `PORT` and `LOG_LEVEL` come from the settings. Where `PARENT_PID` names
     the process that started this one, the service ends with it, however that ended."""
     set_up_logging(settings.choice("LOG_LEVEL", "warning", ("debug", "info", "warning", "error")))
@@ -52,6 +52,7 @@ def run(app: FastAPI, settings: Settings, default_port: int) -> None:
         log_config=None,
         access_log=False,
         server_header=False,
+        proxy_headers=False,
         timeout_graceful_shutdown=5,
         timeout_keep_alive=30,
     )

@@ -53,9 +53,10 @@ def build_app(
     keys: Keys | None = None,
     log_share: float = 0.0,
     max_body_bytes: int = MAX_BODY_BYTES,
-) -> FastAPI:
-    """The service over a wired `gateway`; its cache is started and everything is closed with the app. Without `keys`
-    everybody may ask everything; `log_share` of the chats get a line in the log."""
+) -> HotDoor:
+    """The service over a wired `gateway`: the framework's app behind the door for chats. Its cache is started and
+    everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
+    in the log."""
     started_at = time.time()
     cache = gateway.cache
     chats = {alias: backend for alias, backend in gateway.backends.items() if isinstance(backend, ChatBackend)}
@@ -91,16 +92,6 @@ def build_app(
         lifespan=lifespan,
     )
     app.router.route_class = _OneValidation
-    app.add_middleware(
-        HotDoor,
-        models=passed_on,
-        keys=keys or Keys({}),
-        cache=cache,
-        metrics=gateway.metrics,
-        http=metrics,
-        log=log,
-        limits=Limits(max_body_bytes),
-    )
     gateway.metrics.watch(lambda: _gauges(chats))
 
     async def ask(question: Question, request: Request) -> Response:
@@ -163,7 +154,9 @@ def build_app(
             cached = {"mode": cache.mode, "place": cache.place, "state": cache.state}
         return {"models": models, "roles": dict(gateway.roles), "cache": cached}
 
-    return app
+    return HotDoor(
+        app, passed_on, keys or Keys({}), cache, gateway.metrics, metrics, log, Limits(max_body_bytes=max_body_bytes)
+    )
 
 
 class _OneValidation(APIRoute):

@@ -6,8 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from fastapi import FastAPI
-
 from service_kit.client import ServiceClient
 from service_kit.metrics import HttpMetrics
 from service_kit.settings import BadSetting, Settings
@@ -32,6 +30,7 @@ from services.vlm_gateway.config import (
 )
 from services.vlm_gateway.embedded.exported import FOLDER
 from services.vlm_gateway.gateway import Gateway
+from services.vlm_gateway.hot.door import HotDoor
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics, Price
 
@@ -41,7 +40,7 @@ MEBIBYTE = 1024 * 1024
 SIMPLE = not embedded.trained()
 
 
-def build(settings: Settings) -> FastAPI:
+def build(settings: Settings) -> HotDoor:
     """Raises BadSetting, naming what is wrong and what would be right."""
     path = settings.text("GATEWAY_CONFIG")
     sim_url = settings.text("ORACLE_SIM_URL")
@@ -146,18 +145,26 @@ def _guarded_cache(settings: Settings, figures: GatewayMetrics) -> GuardedCache 
     mode = settings.choice("CACHE_MODE", "on", ("on", "off", "replay"))
     if mode == "off":
         return None
-    cache = _cache(settings)
+    cache = cache_of(settings)
     return GuardedCache(cache, "replay" if mode == "replay" else "on", figures.cache_failed)
 
 
-def _cache(settings: Settings) -> Cache:
+def sqlite_place(settings: Settings) -> Path | None:
+    """The SQLite cache's file; None where the cache is a Redis."""
+    if settings.text("REDIS_URL"):
+        return None
+    return Path(settings.text("CACHE_PATH", DEFAULT_CACHE_PATH) or DEFAULT_CACHE_PATH).expanduser()
+
+
+def cache_of(settings: Settings) -> Cache:
+    """The cache of answers, opened. Raises BadSetting."""
     ttl_s = settings.number("CACHE_TTL_S", 30 * 86_400.0, 0.0, 10 * 365 * 86_400.0)
-    url = settings.text("REDIS_URL")
-    if url:
+    path = sqlite_place(settings)
+    if path is None:
         from services.vlm_gateway.cache.redis import RedisCache
 
-        return RedisCache(url, ttl_s=ttl_s, timeout_s=settings.number("CACHE_TIMEOUT_S", 0.04, 0.001, 10.0))
+        timeout_s = settings.number("CACHE_TIMEOUT_S", 0.04, 0.001, 10.0)
+        return RedisCache(settings.text("REDIS_URL") or "", ttl_s=ttl_s, timeout_s=timeout_s)
     from services.vlm_gateway.cache.sqlite import SqliteCache
 
-    path = Path(settings.text("CACHE_PATH", DEFAULT_CACHE_PATH) or DEFAULT_CACHE_PATH).expanduser()
     return SqliteCache(path, ttl_s=ttl_s, max_bytes=settings.integer("CACHE_MAX_MB", 256, 1, 1024 * 1024) * MEBIBYTE)

@@ -61,7 +61,7 @@ class Limits(NamedTuple):
 
 
 class HotDoor:
-    """ASGI middleware in front of all routes: keys for every one of them, and the whole of this one."""
+    """An ASGI app in front of another: keys for every one of them, and the whole of this one."""
 
     def __init__(
         self,

@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import cv2
 import httpx
 import numpy as np
-from fastapi import FastAPI
 
 from contracts.images import encode_jpeg
 from service_kit.metrics import HttpMetrics
@@ -24,6 +23,7 @@ from services.vlm_gateway.cache.sqlite import SqliteCache
 from services.vlm_gateway.chat.upstream import Upstream
 from services.vlm_gateway.config import ChatModel, ChatModelConfig, chat_model
 from services.vlm_gateway.gateway import Gateway
+from services.vlm_gateway.hot.door import HotDoor
 from services.vlm_gateway.metrics import GatewayMetrics
 from tests.services.vlm_gateway.openai_mock import OpenAiMock
 
@@ -73,7 +73,7 @@ def chat_backend(mock: OpenAiMock | None, *, key: str | None = None, **changes: 
 
 
 class Built(NamedTuple):
-    app: FastAPI
+    app: HotDoor
     gateway: Gateway
 
 
