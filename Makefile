@@ -66,5 +66,8 @@ bench-sim: setup  ## five views against PyBullet's TinyRenderer, in process and 
 bench-model: setup  ## the embedded model's CPU time for five views against the rendering of the same views
 	@$(BIN)/python -m tests.load.bench_model
 
+bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
+	@$(BIN)/python -m tests.load.bench_gateway
+
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

@@ -1,0 +1,75 @@
+"""`python -m tests.load.chat_mock PORT`: a model server that costs next to nothing, to measure what is in front.
+
+Answers every POST at once with the same completion, and `GET /stats` with how many there were. Prints its port.
+"""
+
+import asyncio
+import json
+import sys
+from typing import cast
+
+import uvloop
+
+COMPLETION = {
+    "id": "chatcmpl-1",
+    "object": "chat.completion",
+    "created": 1_700_000_000,
+    "model": "mock",
+    "choices": [{"index": 0, "message": {"role": "assistant", "content": '{"floors": 3}'}, "finish_reason": "stop"}],
+    "usage": {"prompt_tokens": 900, "completion_tokens": 24, "total_tokens": 924},
+}
+
+
+def _reply(body: bytes) -> bytes:
+    return b"HTTP/1.1 200 OK\r\ncontent-type: application/json\r\ncontent-length: %d\r\n\r\n" % len(body) + body
+
+
+REPLY = _reply(json.dumps(COMPLETION).encode())
+
+
+class Mock(asyncio.Protocol):
+    """One connection; bodies are counted, not kept."""
+
+    answered = 0
+
+    def __init__(self) -> None:
+        self._head = b""
+        self._left = 0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self._transport = cast(asyncio.Transport, transport)
+
+    def data_received(self, data: bytes) -> None:
+        while data:
+            if self._left:
+                taken = min(self._left, len(data))
+                self._left -= taken
+                data = data[taken:]
+                if not self._left:
+                    self._answer()
+                continue
+            self._head += data
+            end = self._head.find(b"\r\n\r\n")
+            if end < 0:
+                return
+            head, data, self._head = self._head[:end].lower(), self._head[end + 4 :], b""
+            if head.startswith(b"get"):
+                self._transport.write(_reply(json.dumps({"answered": Mock.answered}).encode()))
+            else:
+                at = head.find(b"content-length:")
+                self._left = int(head[at + 15 :].split(b"\r\n", 1)[0])
+
+    def _answer(self) -> None:
+        Mock.answered += 1
+        self._transport.write(REPLY)
+
+
+async def main(port: int) -> None:
+    server = await asyncio.get_running_loop().create_server(Mock, "127.0.0.1", port, backlog=1024)
+    sys.stdout.write(f"{server.sockets[0].getsockname()[1]}\n")
+    sys.stdout.flush()
+    await server.serve_forever()
+
+
+if __name__ == "__main__":
+    uvloop.run(main(int(sys.argv[1])))
