@@ -25,6 +25,7 @@ _CUT_HALF_WIDTH_M = 1.25
 _ARRIVED_M = 1.5
 _PATIENCE = 4
 _MOST_PLANS = 8
+_LEAST_PATCH_M = 1.0
 
 
 class NoFacade(ValueError):
@@ -110,7 +111,8 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
     pose = scan.pose
     for _ in range(_MOST_PLANS):
         grid = memory.map
-        left = facade.unseen(grid, target, settings)
+        # when all that matters is seen, the little pieces get their look as well
+        left = facade.unseen(grid, target, settings, _LEAST_PATCH_M if memory.relaxed else None)
         walls = _cut_cells(memory, settings)
         clear = path.clearance_m(grid)
         goal = choose_goal(grid, left, clear, walls, pose, settings) if left.any() else None

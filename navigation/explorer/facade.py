@@ -150,11 +150,11 @@ def seen_cells(grid: Map, target: Bools) -> Bools:
     return about & target
 
 
-def unseen(grid: Map, target: Bools, settings: Settings) -> Bools:
+def unseen(grid: Map, target: Bools, settings: Settings, min_patch_m: float | None = None) -> Bools:
     """(SIZE, SIZE) what is worth a stop: the target's cells that no stop has seen well, nor any cell beside them, and
     the expected ones; in pieces of at least `min_patch_m`, not yet tried in vain `attempts` times."""
     left = (target & ~seen_cells(grid, target) & (grid.attempts < settings.attempts)) | grid.expected
-    return patches(left, settings.min_patch_m)
+    return patches(left, settings.min_patch_m if min_patch_m is None else min_patch_m)
 
 
 def patches(cells: Bools, least_m: float) -> Bools:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from navigation import safe_distance
 from navigation.camera import Points, Pose
 from navigation.explorer import path
-from navigation.explorer.map import Cells, Map, middles_of
+from navigation.explorer.map import Cells, Map, cells_of, middles_of
 from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -58,7 +58,7 @@ def choose_goal(grid: Map, left: Bools, clear: Floats, walls: Bools, pose: Pose,
     start = int(path.nodes_of(grid, here[None])[0])
     for limit in _RINGS_M:
         reach = path.spread(cost, start, limit)
-        found = _best_place(grid, reach, useful, pieces, each, here, settings)
+        found = _best_place(grid, reach, useful, pieces, each, clear, here, settings)
         if found is not None:
             return found
         if np.isinf(reach.cost_m).sum() == 0 or not (reach.cost_m[np.isfinite(reach.cost_m)] > limit - 4.0).any():
@@ -67,7 +67,14 @@ def choose_goal(grid: Map, left: Bools, clear: Floats, walls: Bools, pose: Pose,
 
 
 def _best_place(
-    grid: Map, reach: path.Reach, useful: Bools, pieces: Cells, each: int, here: Floats, settings: Settings
+    grid: Map,
+    reach: path.Reach,
+    useful: Bools,
+    pieces: Cells,
+    each: int,
+    clear: Floats,
+    here: Floats,
+    settings: Settings,
 ) -> Goal | None:
     nodes = np.flatnonzero(useful & np.isfinite(reach.cost_m))
     nodes = nodes[np.argsort(reach.cost_m[nodes], kind="stable")]
@@ -101,7 +108,9 @@ def _best_place(
     place, seen, cost, gain = place[worth], seen[worth], cost[worth], gain[worth]
     away = middles_of(grid, pieces[seen[0]]) - path.places_of(grid, place[:1])
     nearest = np.flatnonzero(seen[0])[np.hypot(away[:, 0], away[:, 1]).argmin()]
-    score = np.where(seen[:, nearest], gain / (cost + settings.gain_bias_m), -1.0)
+    off = clear.reshape(-1)[cells_of(grid, path.places_of(grid, place))] - settings.way_clearance_m
+    price = cost + settings.stand_off_cost * np.clip(off, 0.0, settings.inspect_range_m) + settings.gain_bias_m
+    score = np.where(seen[:, nearest], gain / price, -1.0)
     best = int(score.argmax())
     way = path.way_to(grid, reach, int(place[best]))
     if not len(way):

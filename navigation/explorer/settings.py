@@ -16,6 +16,8 @@ class Settings(NamedTuple):
     end; `bridge_m` is the widest gap between two collinear pieces that is taken for one wall. Smaller pieces than
     `min_patch_m` are not worth a stop.
     Choice: gain / (way + `gain_bias_m`); gains under `min_gain_m` wait, gains over `gain_cap_m` count as that.
+    `stand_off_cost`: what a metre costs that the place lies farther from the walls than it must; whoever goes out wide
+    flies the next corner wide as well.
     `unknown_cost`: what a metre through unknown country costs. `cut_m`: how long the line out of the first facade is
     that the drone does not cross back over. `attempts`: stops that failed to show a piece before it is given up.
     """
@@ -40,6 +42,7 @@ class Settings(NamedTuple):
     gain_bias_m: float = 8.0
     min_gain_m: float = 3.0
     gain_cap_m: float = 14.0
+    stand_off_cost: float = 2.0
     unknown_cost: float = 1.3
     cut_m: float = 40.0
     attempts: int = 2
