@@ -42,6 +42,10 @@ class PixelModel(Protocol):
     @property
     def version(self) -> str: ...
 
+    @property
+    def about(self) -> dict[str, object]:
+        """What is known of how it was made, for operators and the model card."""
+
     def count_floors(self, shot: Shot) -> FloorsSeen: ...
 
     def building_box(self, shot: Shot) -> BoxSeen | None: ...
@@ -105,7 +109,7 @@ class EmbeddedBackend:
         return await self._run(partial(self._choose_direction, ask))
 
     def status(self) -> dict[str, object]:
-        return {"running": self._admission.running, "waiting": self._admission.waiting}
+        return {"running": self._admission.running, "waiting": self._admission.waiting, **self._model.about}
 
     async def close(self) -> None:
         self._threads.shutdown(wait=False, cancel_futures=True)

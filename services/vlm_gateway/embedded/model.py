@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from contracts.geometry import Box, PointLabel
 from services.vlm_gateway.embedded.crops import crop_squares, cut_crops, proposals, suppressed
-from services.vlm_gateway.embedded.exported import FOLDER, Exported
+from services.vlm_gateway.embedded.exported import FOLDER, MODEL_FILE, NAMER_FILE, PROPOSER_FILE, Exported
 from services.vlm_gateway.embedded.floors import box_of, rows_of
 from services.vlm_gateway.embedded.memory import Recent
 from services.vlm_gateway.embedded.network import Maps, Networks
@@ -72,6 +72,20 @@ class EmbeddedModel:
         self._networks = Networks(folder, threads=threads)
         self._vocabulary = Vocabulary(self.exported.entries, self.exported.colours)
         self._recent: Recent[Seen] = Recent(remembered)
+        self._bytes = sum((folder / name).stat().st_size for name in (PROPOSER_FILE, NAMER_FILE, MODEL_FILE))
+
+    @property
+    def about(self) -> dict[str, object]:
+        """Size, thresholds and the figures of the training."""
+        exported = self.exported
+        return {
+            "megabytes": round(self._bytes / 1e6, 3),
+            "kinds": len(exported.kinds),
+            "colours": len(exported.colours),
+            "claim": exported.claim,
+            "candidate": exported.candidate,
+            "figures": dict(exported.figures),
+        }
 
     def count_floors(self, shot: Shot) -> FloorsSeen:
         """The floors of the building ahead whose window row's middle lies in the picture."""

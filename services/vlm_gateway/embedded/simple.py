@@ -41,6 +41,10 @@ class SimpleModel:
         self._sure = float(arrays["sure"])
         self._row_likely = float(arrays["row_likely"])
 
+    @property
+    def about(self) -> dict[str, object]:
+        return {}
+
     def phrase_of(self, kind: str) -> str:
         """What people call things of a class. Raises KeyError."""
         return self._vocabulary.phrase_of[kind]

@@ -182,6 +182,11 @@ def test_a_building_on_the_left_is_hugged_on_the_left(model: EmbeddedModel) -> N
     assert model.choose_direction(Still(on_the_left), points) == "a"
 
 
+def test_it_says_how_large_it_is_and_from_where_on_it_claims(model: EmbeddedModel) -> None:
+    assert 0.0 < float(str(model.about["megabytes"])) < 20.0
+    assert model.about["claim"] == model.exported.claim
+
+
 def test_files_that_are_missing_or_broken_are_told(tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"model\.json"):
         EmbeddedModel(tmp_path)
