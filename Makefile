@@ -8,7 +8,7 @@ SAMPLE ?= green-flower-pot
 BACKEND ?= embedded
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow check format load bench-sim bench-model clean
+.PHONY: help setup demo samples test test-slow test-real-server check format load bench-sim bench-model clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -43,6 +43,24 @@ test: setup .venv/.redis  ## run the tests (a redis-server of its own included)
 
 test-slow: setup .venv/.redis  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
+
+test-real-server: setup .cache/real-server/.ready .cache/llama-server/.ready  ## the gateway before real model servers with tiny random models (6 GB of packages, once)
+	@$(BIN)/python -m pytest -m real_server --timeout 1800 tests/real_server
+
+.cache/real-server/.ready:
+	@echo "preparing transformers serve in .cache/real-server (5 GB of packages)"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/real-server
+	@$(BIN)/uv pip install --quiet --python .cache/real-server/bin/python \
+	  "transformers[serving]==5.23.0" torch==2.15.0 torchvision==0.29.2 pillow==13.0.0
+	@touch $@
+
+.cache/llama-server/.ready:
+	@scripts/system_packages.sh "g++=command -v g++"
+	@echo "building llama-cpp-python in .cache/llama-server (ten minutes on two cores)"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/llama-server
+	@CMAKE_ARGS="-DGGML_NATIVE=OFF" $(BIN)/uv pip install --quiet --python .cache/llama-server/bin/python \
+	  "llama-cpp-python[server]==0.3.36" gguf
+	@touch $@
 
 .venv/.redis: | setup
 	@scripts/system_packages.sh "redis-server=command -v redis-server"

@@ -1,9 +1,10 @@
-"""`logisticsvln`: serve, deliver, doctor, samples."""
+"""`logisticsvln`: serve, deliver, doctor, recording, samples."""
 
 import asyncio
 import contextlib
 import json
 import signal
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -17,6 +18,7 @@ from rich.table import Table
 from contracts.depth_assist import ViewpointSettings
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, SightingSettings
 from contracts.scene import Scene
+from contracts.sim import Flight
 from orchestrator import sample_library
 from orchestrator.clients import Addresses, Services
 from orchestrator.delivery import BadDelivery, Order, Run
@@ -66,6 +68,9 @@ def deliver(
         Literal["look-again", "claim-at-first-sight"],
         typer.Option(help="Look at a sighting from nearer before it is claimed, or claim it as the paper does."),
     ] = "look-again",
+    drift: Annotated[
+        float, typer.Option(min=0, max=0.1, help="How far the reported pose strays per metre flown; 0.01 is 1 %.")
+    ] = 0.0,
     parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,
     max_steps: Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")] = 30,
     image_size: Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")] = 800,
@@ -82,6 +87,7 @@ def deliver(
         choice=choice,
         viewpoint=ViewpointSettings(policy=viewpoint),
         sightings=SightingSettings(policy=sightings),
+        flight=Flight(drift=drift),
         parser_model=parser,
         max_exploration_steps=max_steps,
         image_size=image_size,
@@ -236,6 +242,16 @@ def _calibrate(model: str, gateway: str | None, rounds: int, out: Path, *, as_js
     else:
         print_calibration(console, found)
     raise typer.Exit(0 if found.certainty in ("sure", "likely") else 1)
+
+
+@app.command()
+def recording(
+    action: Annotated[Literal["export", "import", "check"], typer.Argument(help="What to do with the file.")],
+    file: Annotated[Path, typer.Argument(help="The recording.")],
+) -> None:
+    """Put the gateway's recorded answers (CACHE_PATH or REDIS_URL) into one file, or take them out of one."""
+    command = [sys.executable, "-m", "services.vlm_gateway.recording", action, str(file)]
+    raise typer.Exit(subprocess.run(command, env=own_environment(), check=False).returncode)
 
 
 @app.command()

@@ -16,7 +16,7 @@ from services.vlm_gateway.backends.chat import ChatBackend
 from services.vlm_gateway.backends.oracle import OracleBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.guard import GuardedCache
-from services.vlm_gateway.cache.port import Cache
+from services.vlm_gateway.cache.opened import cache_of
 from services.vlm_gateway.chat.upstream import Upstream
 from services.vlm_gateway.config import (
     ChatModelConfig,
@@ -35,9 +35,6 @@ from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics, Price
 
 DEFAULT_PORT = 8102
-DEFAULT_CACHE_PATH = "~/.cache/logisticsvln/answers.sqlite"
-MEBIBYTE = 1024 * 1024
-SIMPLE = not embedded.trained()
 
 
 def build(settings: Settings) -> HotDoor:
@@ -111,7 +108,7 @@ def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
 
     try:
         pixel_model: PixelModel
-        if SIMPLE:
+        if model.model == "simple":
             from services.vlm_gateway.embedded.simple import SimpleModel
 
             pixel_model = SimpleModel()
@@ -147,24 +144,3 @@ def _guarded_cache(settings: Settings, figures: GatewayMetrics) -> GuardedCache 
         return None
     cache = cache_of(settings)
     return GuardedCache(cache, "replay" if mode == "replay" else "on", figures.cache_failed)
-
-
-def sqlite_place(settings: Settings) -> Path | None:
-    """The SQLite cache's file; None where the cache is a Redis."""
-    if settings.text("REDIS_URL"):
-        return None
-    return Path(settings.text("CACHE_PATH", DEFAULT_CACHE_PATH) or DEFAULT_CACHE_PATH).expanduser()
-
-
-def cache_of(settings: Settings) -> Cache:
-    """The cache of answers, opened. Raises BadSetting."""
-    ttl_s = settings.number("CACHE_TTL_S", 30 * 86_400.0, 0.0, 10 * 365 * 86_400.0)
-    path = sqlite_place(settings)
-    if path is None:
-        from services.vlm_gateway.cache.redis import RedisCache
-
-        timeout_s = settings.number("CACHE_TIMEOUT_S", 0.04, 0.001, 10.0)
-        return RedisCache(settings.text("REDIS_URL") or "", ttl_s=ttl_s, timeout_s=timeout_s)
-    from services.vlm_gateway.cache.sqlite import SqliteCache
-
-    return SqliteCache(path, ttl_s=ttl_s, max_bytes=settings.integer("CACHE_MAX_MB", 256, 1, 1024 * 1024) * MEBIBYTE)

@@ -1,6 +1,14 @@
 """A cache of answers: bytes under a key for a bounded time. `tests/agreements/test_caches.py` is its contract."""
 
-from typing import Protocol
+from collections.abc import AsyncIterator
+from typing import NamedTuple, Protocol
+
+
+class Entry(NamedTuple):
+    """One answer with the key it is kept under."""
+
+    key: str
+    value: bytes
 
 
 class CacheDown(Exception):
@@ -23,6 +31,9 @@ class Cache(Protocol):
 
     async def put(self, key: str, value: bytes) -> None:
         """Keep `value`; an older one is replaced. Raises CacheFull where there is no room."""
+
+    def entries(self) -> AsyncIterator[Entry]:
+        """All answers whose time is not over; of those that come and go meanwhile, some."""
 
     async def ping(self) -> None:
         """Nothing, where the store answers."""

@@ -7,15 +7,19 @@ import asyncio
 import random
 import ssl
 from collections import deque
+from collections.abc import AsyncIterator
 from typing import NamedTuple, cast
 from urllib.parse import parse_qs, unquote, urlsplit
 
 from service_kit.settings import BadSetting, without_password
-from services.vlm_gateway.cache.port import CacheDown, CacheFull
+from services.vlm_gateway.cache.port import CacheDown, CacheFull, Entry
 from services.vlm_gateway.cache.resp import Refused, Replies, Value, command
 
 PREFIX = b"vlm_gateway:1:"
 DEFAULT_PORT = 6379
+_SCAN = b"""local page = redis.call('SCAN', ARGV[1], 'MATCH', ARGV[2], 'COUNT', 512)
+table.insert(page[2], 1, page[1])
+return table.concat(page[2], '\\n')"""
 _NO_ROOM = ("OOM", "MISCONF", "READONLY")
 _NO_ENTRY = ("NOAUTH", "WRONGPASS", "NOPERM")
 
@@ -59,6 +63,21 @@ class RedisCache:
         if self._ttl_s > 0:
             words += [b"PX", str(max(1, int(self._ttl_s * 1000 * random.uniform(0.9, 1.0)))).encode()]
         await self._do(*words)
+
+    async def entries(self) -> AsyncIterator[Entry]:
+        """Walks with SCAN, inside a script, since its own reply is of a kind that nothing else here needs."""
+        cursor = b"0"
+        while True:
+            page = await self._do(b"EVAL", _SCAN, b"0", cursor, PREFIX + b"*")
+            if not isinstance(page, bytes):
+                raise CacheDown(f"{self._shown} can't be walked through")
+            cursor, *names = page.split(b"\n")
+            for name in names:
+                value = await self._do(b"GET", name)
+                if isinstance(value, bytes):
+                    yield Entry(name.removeprefix(PREFIX).decode("ascii", "replace"), value)
+            if cursor == b"0":
+                return
 
     async def ping(self) -> None:
         await self._do(b"PING")

@@ -4,13 +4,14 @@ import asyncio
 import random
 import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from service_kit.settings import BadSetting
-from services.vlm_gateway.cache.port import CacheDown, CacheFull
+from services.vlm_gateway.cache.port import CacheDown, CacheFull, Entry
 
 T = TypeVar("T")
 MEASURE_EVERY = 256
@@ -61,6 +62,13 @@ class SqliteCache:
     async def put(self, key: str, value: bytes) -> None:
         await self._do(lambda: self._put(key, value))
 
+    async def entries(self) -> AsyncIterator[Entry]:
+        after = ""
+        while page := await self._do(partial(self._page, after)):
+            for entry in page:
+                yield entry
+            after = page[-1].key
+
     async def ping(self) -> None:
         await self._do(lambda: self._db.execute("SELECT 1").fetchone())
 
@@ -90,6 +98,14 @@ class SqliteCache:
         if len(self._touched) > 10_000:
             self._write_touched()
         return row[0] if isinstance(row[0], bytes) else str(row[0]).encode()
+
+    def _page(self, after: str) -> list[Entry]:
+        rows = self._db.execute(
+            "SELECT key, value FROM answers WHERE key > ? AND (expires_at IS NULL OR expires_at > ?) "
+            "ORDER BY key LIMIT 256",
+            (after, self._clock()),
+        )
+        return [Entry(key, bytes(value)) for key, value in rows]
 
     def _put(self, key: str, value: bytes) -> None:
         now = self._clock()

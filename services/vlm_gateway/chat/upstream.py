@@ -4,8 +4,7 @@ that such servers and the proxies in front of them really send."""
 import asyncio
 import random
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from collections.abc import Awaitable, Callable
 from typing import Any, NamedTuple, TypeVar
 
 import aiohttp
@@ -43,7 +42,6 @@ class Upstream:
         self.key = key
         self._model = model
         self._alias = model.alias
-        self._url = model.base_url + "/chat/completions"
         self._headers = {"Content-Type": "application/json"}
         if key:
             self._headers["Authorization"] = f"Bearer {key}"
@@ -58,10 +56,6 @@ class Upstream:
             await self._session.close()
             self._session = None
 
-    async def complete(self, body: bytes) -> Completion:
-        """One whole reply to a chat in OpenAI's form. Raises as `ask` does."""
-        return await self.ask(Call("openai", self._url, body))
-
     async def ask(self, call: Call) -> Completion:
         """One whole reply. Raises ModelUnreachable, ModelTimeout, ModelOverloaded or ModelRejected."""
         deadline = time.monotonic() + self._model.config.timeout_s
@@ -71,34 +65,9 @@ class Upstream:
         except TimeoutError:
             raise self._too_late() from None
 
-    @asynccontextmanager
-    async def stream(self, body: bytes) -> AsyncIterator[AsyncIterator[bytes]]:
-        """The server's events as they come, holding a place of the admission all the while. Errors before the first
-        byte are as for `complete`; a server that stops in the middle raises ModelUnreachable or ModelTimeout out of
-        the iterator."""
-        deadline = time.monotonic() + self._model.config.timeout_s
-        async with self.admission:
-            try:
-                async with asyncio.timeout(self._model.config.timeout_s):
-                    response = await self._with_retry(lambda attempt: self._open_stream(body, attempt), deadline)
-            except TimeoutError:
-                raise self._too_late() from None
-            try:
-                yield self._chunks(response)
-            finally:
-                response.close()
-
     async def _whole(self, call: Call, attempt: int) -> Completion:
         async with await self._open(call.url, call.body) as response:
             return self._read(call.api, response, await self._bytes(response, MAX_REPLY_BYTES), attempt)
-
-    async def _open_stream(self, body: bytes, attempt: int) -> aiohttp.ClientResponse:
-        response = await self._open(self._url, body)
-        if response.content_type == "text/event-stream":
-            return response
-        async with response:  # an error inside a 200, a proxy's page, or a server that knows no streams
-            self._read("openai", response, await self._bytes(response, MAX_REPLY_BYTES), attempt)
-        raise self._replies.unreachable("it answers a stream with a single reply", "no_stream")
 
     async def _with_retry(self, work: Callable[[int], Awaitable[T]], deadline: float) -> T:
         """`work(1)` and, where that failed in a way that may pass, once more after a pause. A server that is loading
@@ -159,21 +128,6 @@ class Upstream:
         except (aiohttp.ClientError, OSError) as error:
             raise self._replies.unreachable(f"the reply broke off ({type(error).__name__})", "cut") from None
         return b"".join(pieces)
-
-    async def _chunks(self, response: aiohttp.ClientResponse) -> AsyncIterator[bytes]:
-        """Bounded in time between two pieces, not as a whole: long answers are what streams are for."""
-        pieces = response.content.iter_any().__aiter__()
-        while True:
-            try:
-                async with asyncio.timeout(self._model.config.timeout_s):
-                    piece = await anext(pieces, None)
-            except TimeoutError:
-                raise self._too_late() from None
-            except (aiohttp.ClientError, OSError) as error:
-                raise self._replies.unreachable(f"the stream broke off ({type(error).__name__})", "cut") from None
-            if piece is None:
-                return
-            yield piece
 
     def _read(self, api: Api, response: aiohttp.ClientResponse, body: bytes, attempt: int) -> Completion:
         said = self._replies.said(api, body, response.headers)

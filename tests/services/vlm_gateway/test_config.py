@@ -51,7 +51,7 @@ def test_a_file_adds_models_and_moves_roles(tmp_path: Path) -> None:
 def test_what_a_model_does_not_say_comes_from_its_preset_and_server() -> None:
     values = {"backend": "chat", "model": "x", "preset": "deepseek-r1-distill", "server": "ollama"}
     model = chat_model("m", ChatModelConfig.model_validate(values), "f")
-    assert (model.base_url, model.structured, model.temperature) == ("http://127.0.0.1:11434/v1", "json_schema", 0.6)
+    assert (model.base_url, model.structured, model.temperature) == ("http://127.0.0.1:11434/v1", "format", 0.6)
     own = ChatModelConfig.model_validate(values | {"temperature": 0.0, "structured": "none", "max_tokens": 99})
     model = chat_model("m", own, "f")
     assert (model.structured, model.temperature, model.max_tokens) == ("none", 0.0, 99)
