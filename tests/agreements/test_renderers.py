@@ -138,6 +138,21 @@ def test_the_same_scene_and_pose_give_the_same_bytes_again_and_after_another_upl
     assert first.depth_units.tobytes() == again.depth_units.tobytes()
 
 
+def test_ids_beside_the_pictures_are_the_ids_alone_and_change_no_picture(renderer: Renderer) -> None:
+    pose = Pose(x=-8, y=0.5, z=3, yaw=0.1)
+    scene = scene_of(box((30, 30, 1), (0, 0, -0.5)), box((3, 5, 4), (0, 0, 2)), ellipsoid(1.2, (-2, 3, 3)))
+    uploaded = renderer.upload(scene)
+    plain = renderer.render(uploaded, pose, HEADINGS, SIZE)
+    labelled = renderer.render(uploaded, pose, HEADINGS, SIZE, labelled=True)
+    assert plain.ids is None
+    assert labelled.ids is not None
+    assert set(np.unique(labelled.ids)) == {0, 1, 2, 3}
+    assert (labelled.ids == renderer.render_ids(uploaded, pose, HEADINGS, SIZE)).all()
+    assert labelled.rgb.tobytes() == plain.rgb.tobytes()
+    assert labelled.depth_units.tobytes() == plain.depth_units.tobytes()
+    uploaded.release()
+
+
 def test_sizes_and_counts_beyond_the_limits_are_refused(renderer: Renderer) -> None:
     uploaded = renderer.upload(scene_of(box((1, 1, 1))))
     pose = Pose(x=-5, y=0, z=0, yaw=0)

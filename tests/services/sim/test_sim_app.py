@@ -78,7 +78,7 @@ def launch(serve: Callable[[Any], str], box_builder: Builder) -> Iterator[Callab
         thread: RenderThread | None = None,
     ) -> Simulator:
         thread = thread or RenderThread(lambda: choose_renderer(renderer))  # type: ignore[arg-type]
-        episodes = Episodes(builder, thread, limits)
+        episodes = Episodes(builder, thread, limits, truth=truth)
         started.append(Simulator(serve(build_app(episodes, thread, CATALOGUE, truth=truth)), episodes))
         return started[-1]
 
@@ -449,6 +449,33 @@ def test_the_truth_names_the_goal_and_the_remaining_way(sim: Simulator, yard: Sc
     truth = Truth.model_validate_json(answer.content)
     assert [o.id for o in truth.views[0].objects] == ["pot"]
     assert truth.views[1].objects == ()
+    assert truth.remaining_m == pytest.approx((4.0,))
+
+
+def test_the_truth_after_a_look_is_that_without_one_and_follows_the_drone(sim: Simulator, yard: Scene) -> None:
+    question = {"views": [0, 45], "size": 128}
+
+    def told(episode: Episode) -> Truth:
+        answer = sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question)
+        return Truth.model_validate_json(answer.content)
+
+    looked, blind = sim.start(yard), sim.start(yard)
+    sim.look(looked.id, size=128, views="0,90")
+    sim.look(looked.id, size=64)
+    assert told(looked).views == told(blind).views
+    sim.look(looked.id, size=128)
+    assert told(looked).views == told(blind).views
+    for episode in (looked, blind):
+        sim.move(episode.id, 1, BEFORE_THE_POT)
+    assert told(looked).views == told(blind).views
+    assert [o.id for o in told(looked).views[0].objects] == ["pot"]
+
+
+def test_a_truth_of_ways_alone_needs_no_views(sim: Simulator, yard: Scene) -> None:
+    episode = sim.start(yard)
+    question = {"views": [], "candidates": [{"x": 0.0, "y": -10.5, "z": 7.65}]}
+    truth = Truth.model_validate_json(sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question).content)
+    assert truth.views == ()
     assert truth.remaining_m == pytest.approx((4.0,))
 
 
