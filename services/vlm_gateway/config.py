@@ -39,7 +39,10 @@ class _Limits(Wire):
 
 
 class EmbeddedModelConfig(_Limits):
+    """`model`: the two trained networks, or the simple first one (colour tables and a perceptron over patches)."""
+
     backend: Literal["embedded"]
+    model: Literal["simple", "trained"] = "simple"
     concurrency: int = Field(default=1, ge=1, le=64)
 
 

@@ -70,7 +70,8 @@ class EmbeddedModel:
         self.exported = Exported.load(folder)
         self.version = self.exported.version
         self._networks = Networks(folder, threads=threads)
-        self._vocabulary = Vocabulary(self.exported.entries, self.exported.colours)
+        names = {e.kind: (e.phrase, *e.synonyms) for e in self.exported.entries}
+        self._vocabulary = Vocabulary(names, self.exported.colours)
         self._recent: Recent[Seen] = Recent(remembered)
         self._bytes = sum((folder / name).stat().st_size for name in (PROPOSER_FILE, NAMER_FILE, MODEL_FILE))
 

@@ -5,10 +5,8 @@ a doll's house is no doll, and a colour nobody trained on is no colour to guess 
 """
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
-
-from contracts.sim import CatalogueEntry
 
 _COLOUR_WORDS = {
     "red": ("red", "crimson", "scarlet", "ruby", "reddish", "cherry"),
@@ -64,18 +62,18 @@ class _Name(NamedTuple):
 
 
 class Vocabulary:
-    """The phrases of the catalogue's entries, and the colours that were trained on."""
+    """Classes with the phrases and synonyms they go by, and the colours that were trained on."""
 
-    def __init__(self, entries: Iterable[CatalogueEntry], colours: Sequence[str]) -> None:
+    def __init__(self, names: Mapping[str, Sequence[str]], colours: Sequence[str]) -> None:
         self._kinds: dict[str, list[str]] = {}
         self._longest = 1
-        for entry in entries:
-            for phrase in (entry.kind.replace("_", " "), entry.phrase, *entry.synonyms):
+        for kind, phrases in names.items():
+            for phrase in (kind.replace("_", " "), *phrases):
                 words = _words(phrase)
                 self._longest = max(self._longest, 2 * len(words))
                 known = self._kinds.setdefault("".join(words), [])
-                if entry.kind not in known:
-                    known.append(entry.kind)
+                if kind not in known:
+                    known.append(kind)
         self._colours = {w: name for name, words in _COLOUR_WORDS.items() if name in colours for w in words}
         untrained = {w for name, words in _COLOUR_WORDS.items() if name not in colours for w in words}
         self._strange = _STRANGE_COLOURS | untrained

@@ -8,10 +8,10 @@ import pytest
 
 from contracts.labelled import LABELS_FILE, LabelledView
 from contracts.vlm_gateway import MarkedPoint
-from services.vlm_gateway.embedded import OutOfVocabulary
 from services.vlm_gateway.embedded.evaluate import meets, overlap
 from services.vlm_gateway.embedded.seen import Still
 from services.vlm_gateway.embedded.simple import SimpleModel as EmbeddedModel
+from services.vlm_gateway.embedded.words import OutOfVocabulary
 
 FOLDER = Path(__file__).parents[2] / "data" / "embedded"
 LABELS = [LabelledView.model_validate_json(line) for line in (FOLDER / LABELS_FILE).read_text().splitlines()]
