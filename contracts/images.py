@@ -1,19 +1,22 @@
 """Pictures and depth on the wire: RGB as JPEG, depth as uint16 under zstd, both base64 in JSON.
 
-Everything is bounded before it is decoded.
+Everything is bounded before it is decoded. numpy and OpenCV are loaded by the functions that work on pixels: who only
+passes pictures on starts without them.
 """
 
-import struct
-from typing import NamedTuple
+from __future__ import annotations
 
-import cv2
-import numpy as np
+import struct
+from typing import TYPE_CHECKING, NamedTuple
+
 import pybase64
-import zstandard
-from numpy.typing import NDArray
 from pydantic import Field
 
 from contracts.base import Wire
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 MAX_PIXELS = 4096 * 4096
 MAX_PICTURE_BASE64 = 16 * 1024 * 1024
@@ -86,6 +89,8 @@ def decode_base64(text: str, what: str) -> bytes:
 
 def encode_jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> JpegImage:
     """rgb: (H, W, 3) uint8."""
+    import cv2
+
     ok, data = cv2.imencode(".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not ok:
         raise BadImage("the picture could not be encoded as JPEG")
@@ -105,6 +110,9 @@ def jpeg_bytes(image: JpegImage, max_pixels: int = MAX_PIXELS) -> bytes:
 
 def decode_jpeg(image: JpegImage, max_pixels: int = MAX_PIXELS) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 RGB. Raises BadImage."""
+    import cv2
+    import numpy as np
+
     bgr = cv2.imdecode(np.frombuffer(jpeg_bytes(image, max_pixels), np.uint8), cv2.IMREAD_COLOR)
     if bgr is None:
         raise BadImage("the JPEG's data could not be decoded")
@@ -113,6 +121,8 @@ def decode_jpeg(image: JpegImage, max_pixels: int = MAX_PIXELS) -> NDArray[np.ui
 
 def encode_depth(depth_m: NDArray[np.floating], metres_per_unit: float = DEPTH_METRES_PER_UNIT) -> DepthMap:
     """depth_m: (H, W) metres along the optical axis; inf where nothing was hit, nan where invalid."""
+    import numpy as np
+
     if depth_m.ndim != 2:
         raise BadImage(f"a depth map has two axes, not {depth_m.ndim}")
     units = np.nan_to_num(depth_m / metres_per_unit, nan=0.0, posinf=NO_RETURN, neginf=0.0)
@@ -121,6 +131,9 @@ def encode_depth(depth_m: NDArray[np.floating], metres_per_unit: float = DEPTH_M
 
 def encode_depth_units(units: NDArray[np.uint16], metres_per_unit: float = DEPTH_METRES_PER_UNIT) -> DepthMap:
     """units: (H, W) uint16, 0 invalid, 65535 no return."""
+    import numpy as np
+    import zstandard
+
     packed = zstandard.ZstdCompressor(level=1).compress(np.ascontiguousarray(units, dtype="<u2").data)
     height, width = units.shape
     return DepthMap(
@@ -133,6 +146,9 @@ def encode_depth_units(units: NDArray[np.uint16], metres_per_unit: float = DEPTH
 
 def decode_depth_units(depth: DepthMap) -> NDArray[np.uint16]:
     """(H, W) uint16 in units of `metres_per_unit`. Raises BadImage, before unpacking, where the size does not fit."""
+    import numpy as np
+    import zstandard
+
     packed = decode_base64(depth.zstd_base64, "zstd_base64")
     expected = depth.width * depth.height * 2
     try:
@@ -154,6 +170,8 @@ def decode_depth(depth: DepthMap) -> NDArray[np.float32]:
 
 def depth_in_metres(units: NDArray[np.uint16], metres_per_unit: float) -> NDArray[np.float32]:
     """float32 metres, of the same shape; inf where nothing was hit, nan where invalid."""
+    import numpy as np
+
     metres = units.astype(np.float32) * np.float32(metres_per_unit)
     metres[units == NO_RETURN] = np.inf
     metres[units == INVALID] = np.nan
