@@ -13,12 +13,16 @@ Renderer = Literal["moderngl", "tiny"]
 
 
 class Flight(Wire):
-    """How the drone flies: a sphere of `radius_m` on a path with bounded speed, acceleration and yaw rate."""
+    """How the drone flies: a sphere of `radius_m` on a path with bounded speed, acceleration and yaw rate. `drift`: how
+    far the pose it reports strays per metre flown, in a direction drawn from the scene's seed and `drift_seed`; success
+    is judged by the true pose."""
 
     radius_m: float = Field(default=0.35, gt=0.05, le=1.0)
     max_speed_m_s: float = Field(default=4.0, gt=0.1, le=20.0)
     max_acceleration_m_s2: float = Field(default=2.5, gt=0.1, le=20.0)
     max_yaw_rate_rad_s: float = Field(default=1.5, gt=0.1, le=10.0)
+    drift: float = Field(default=0.0, ge=0.0, le=0.1)
+    drift_seed: int = Field(default=0, ge=0, le=2**31 - 1)
 
 
 class EpisodeQuestion(Wire):

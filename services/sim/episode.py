@@ -6,12 +6,14 @@ from service_kit.errors import Conflict
 from services.sim.drone import fly
 from services.sim.judge import judge
 from services.sim.kinematics import wrapped
+from services.sim.odometry import Odometry
 from services.sim.scenes import ReadyScene, check_start
 from services.sim.world import World
 
 
 class LiveEpisode:
-    """Not thread-safe: one call at a time. `expires_in_s` is told by whoever keeps the clock."""
+    """Not thread-safe: one call at a time. `expires_in_s` is told by whoever keeps the clock. `pose` is the true one;
+    the world outside is told the one that `odometry` believes."""
 
     def __init__(
         self, episode_id: str, ready: ReadyScene, flight: Flight, renderer: Renderer, renderer_detail: str
@@ -22,6 +24,7 @@ class LiveEpisode:
         self.observations = 0
         start = ready.scene.start
         self.pose = Pose(x=start.position.x, y=start.position.y, z=start.position.z, yaw=wrapped(start.yaw))
+        self.odometry = Odometry(flight.drift, (ready.scene.seed, flight.drift_seed))
         self._flight = flight
         self._renderer: Renderer = renderer
         self._renderer_detail = renderer_detail
@@ -52,7 +55,7 @@ class LiveEpisode:
             id=self.id,
             status="flying" if self._verdict is None else "claimed",
             scene=self.ready.scene.name,
-            pose=self.pose,
+            pose=self.odometry.believed(self.pose),
             moves=self._moves,
             path_m=self._path_m,
             path_horizontal_m=self._path_horizontal_m,
@@ -84,8 +87,11 @@ class LiveEpisode:
                 code="move_out_of_order",
                 details={"expected": self._moves + 1},
             )
-        flown = fly(self._world, self._flight, self.pose, move)
+        # the corners are meant in the frame that the drone believes in as it sets out
+        path = tuple(self.odometry.true(corner) for corner in move.path)
+        flown = fly(self._world, self._flight, self.pose, Move(path=path, yaw=move.yaw))
         self.pose = flown.pose
+        self.odometry.flown(flown.path_horizontal_m)
         self._moves = number
         self._path_m += flown.path_m
         self._path_horizontal_m += flown.path_horizontal_m
@@ -93,7 +99,7 @@ class LiveEpisode:
         self._collided = self._collided or flown.hit is not None
         result = MoveResult(
             number=number,
-            pose=flown.pose,
+            pose=self.odometry.believed(flown.pose),
             reached=flown.hit is None,
             collided=flown.hit is not None,
             hit=flown.hit,
@@ -108,7 +114,8 @@ class LiveEpisode:
         """Judges and ends the episode; only the first claim counts, later ones get its verdict again."""
         if self._verdict is None:
             scene, things = self.ready.scene, self.ready.things
-            target = (claim.target.x, claim.target.y, claim.target.z) if claim.target else None
+            place = self.odometry.true(claim.target) if claim.target else None
+            target = (place.x, place.y, place.z) if place else None
             found = judge(scene, things, self._world, self.pose, self._collided, target)
             ended = self.state(expires_in_s).model_copy(update={"status": "claimed"})
             self._verdict = Verdict(**found._asdict(), collided=self._collided, episode=ended)

@@ -155,7 +155,7 @@ class Episodes:
             return Observation(
                 episode=episode_id,
                 number=seat.episode.observations,
-                pose=pose,
+                pose=seat.episode.odometry.believed(pose),
                 camera=Camera(width=size, height=size, focal_px=size / 2),
                 views=tuple(
                     SensedView(heading_deg=h, image=image, depth=depth_map)
@@ -197,7 +197,8 @@ class Episodes:
                     truth_view(ready.scene, ready.mesh, ready.things, pose, heading, known.views[heading])
                     for heading in question.views
                 )
-                remaining_m = ready.way_home.remaining_m(question.candidates)
+                candidates = [seat.episode.odometry.true(place) for place in question.candidates]
+                remaining_m = ready.way_home.remaining_m(candidates)
                 return Truth(scene=ready.scene.name, moves=moves, pose=pose, views=views, remaining_m=remaining_m)
 
             return await self._work(found)

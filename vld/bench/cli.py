@@ -16,6 +16,7 @@ from rich.console import Console
 
 from contracts.depth_assist import ViewpointSettings
 from contracts.orchestrator import MissionSettings, SightingSettings
+from contracts.sim import Flight
 from vld.bench.folder import BadFolder, RunFolder
 from vld.bench.progress import LiveProgress, PlainProgress
 from vld.bench.run import CannotRun, Run
@@ -52,6 +53,9 @@ def bench(
         Literal["look-again", "claim-at-first-sight"],
         typer.Option(help="Look at a sighting from nearer before it is claimed, or claim it as the paper does."),
     ] = "look-again",
+    drift: Annotated[
+        float, typer.Option(min=0, max=0.1, help="How far the reported pose strays per metre flown; 0.01 is 1 %.")
+    ] = 0.0,
     parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,
     max_steps: Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")] = 30,
     image_size: Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")] = 800,
@@ -104,6 +108,7 @@ def bench(
                 choice=choice,
                 viewpoint=ViewpointSettings(policy=viewpoint),
                 sightings=SightingSettings(policy=sightings),
+                flight=Flight(drift=drift),
                 parser_model=parser,
                 max_exploration_steps=max_steps,
                 image_size=image_size,

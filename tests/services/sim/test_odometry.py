@@ -1,0 +1,74 @@
+"""Odometry that drifts: what the drone is told, and what is true."""
+
+import math
+
+import pytest
+
+from contracts.geometry import Point3, Pose
+from contracts.scene import Scene
+from contracts.sim import Claim, Flight, Move
+from services.sim.episode import LiveEpisode
+from services.sim.odometry import Odometry
+from services.sim.scenes import make_ready
+from tests.services.sim.conftest import build_boxes
+
+HERE = Pose(x=1.0, y=2.0, z=3.0, yaw=0.5)
+
+
+def test_the_error_is_the_share_of_the_way_flown_and_leaves_height_and_heading_alone() -> None:
+    odometry = Odometry(0.02, (7, 0))
+    odometry.flown(30.0)
+    odometry.flown(20.0)
+    believed = odometry.believed(HERE)
+    assert math.dist((believed.x, believed.y), (HERE.x, HERE.y)) == pytest.approx(1.0)
+    assert (believed.z, believed.yaw) == (HERE.z, HERE.yaw)
+    back = odometry.true(Point3(x=believed.x, y=believed.y, z=believed.z))
+    assert (back.x, back.y) == pytest.approx((HERE.x, HERE.y))
+
+
+def test_the_direction_hangs_on_the_seeds_alone() -> None:
+    def after(*seeds: int) -> tuple[float, float]:
+        odometry = Odometry(0.01, seeds)
+        odometry.flown(10.0)
+        return odometry.believed(HERE).x, odometry.believed(HERE).y
+
+    assert after(1, 2) == after(1, 2)
+    assert len({after(k, 0) for k in range(5)}) == 5
+
+
+def _episode(scene: Scene, drift: float) -> LiveEpisode:
+    return LiveEpisode("e", make_ready(scene, build_boxes), Flight(drift=drift), "tiny", "")
+
+
+def test_the_reported_pose_strays_while_moves_and_pictures_stay_true(yard: Scene) -> None:
+    episode = _episode(yard, 0.02)
+    try:
+        told = episode.state(0.0).pose
+        path = (Point3(x=told.x, y=told.y, z=7.65), Point3(x=told.x, y=told.y + 8.0, z=7.65))
+        result = episode.move(1, Move(path=path), 0.0)
+        # told to fly 8 m, it did; it only believes to be elsewhere
+        assert episode.pose.y == pytest.approx(told.y + 8.0)
+        assert math.dist((result.pose.x, result.pose.y), (episode.pose.x, episode.pose.y)) == pytest.approx(0.16)
+        assert result.episode.pose == result.pose
+        # a step of 1 m from where it believes to be is a true metre
+        again = Point3(x=result.pose.x - 1.0, y=result.pose.y, z=result.pose.z)
+        before = episode.pose
+        episode.move(2, Move(path=(again,)), 0.0)
+        assert episode.pose.x == pytest.approx(before.x - 1.0)
+        assert episode.pose.y == pytest.approx(before.y)
+    finally:
+        episode.close()
+
+
+def test_a_claim_is_judged_by_the_true_pose_and_means_what_is_seen_beside_the_drone(yard: Scene) -> None:
+    for drift in (0.0, 0.1):
+        episode = _episode(yard, drift)
+        try:
+            x, y = 0.0, -7.0
+            episode.move(1, Move(path=(Point3(x=0.0, y=-15.0, z=7.65), Point3(x=x, y=y, z=7.65))), 0.0)
+            off = (episode.state(0.0).pose.x - episode.pose.x, episode.state(0.0).pose.y - episode.pose.y)
+            verdict = episode.claim(Claim(target=Point3(x=off[0], y=-5.3 + off[1], z=7.1)), 0.0)
+            assert verdict.delivered
+            assert verdict.distance_m == pytest.approx(2.0, abs=0.01)
+        finally:
+            episode.close()
