@@ -104,7 +104,7 @@ class Stop(Wire):
 
 class DeliveryResult(Wire):
     """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
-    wall time by part."""
+    wall time by part. `inspected_share`: of the facade on that floor, as the contour explorer has it."""
 
     outcome: OutcomeName
     message: str
@@ -122,6 +122,7 @@ class DeliveryResult(Wire):
     model_calls: dict[str, ModelCalls]
     renderer: str | None
     stops: tuple[Stop, ...] = ()
+    inspected_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
 
 
 class Delivery(Wire):

@@ -32,6 +32,7 @@ class Mission:
     def __init__(self, ports: Ports, settings: MissionSettings, events: Log) -> None:
         self._sortie = Sortie(ports, settings, events)
         self._verdict: Verdict | None = None
+        self._exploration: Exploration | None = None
 
     async def fly(self, request: str, start: EpisodeQuestion) -> DeliveryResult:
         """`start` goes to the world as it is. A cancelled task ends the mission with outcome `cancelled`."""
@@ -90,7 +91,7 @@ class Mission:
         """Explore until the object is seen, approach it. What does not stand up is dismissed, what can't be reached is
         tried from elsewhere; the search goes on."""
         sortie = self._sortie
-        exploration = Exploration(sortie)
+        exploration = self._exploration = Exploration(sortie)
         last: Lost | None = None
         leaving: Look | None = None
         for _ in range(MAX_APPROACHES):
@@ -121,6 +122,10 @@ class Mission:
             if end.outcome == "object_not_found" and last is not None and last.blocked:
                 raise _blocked(last) from None
             raise
+
+    def _inspected_share(self) -> float | None:
+        contour = self._exploration.contour if self._exploration is not None else None
+        return contour.inspected_share if contour is not None else None
 
     def _judged(self) -> MissionEnd:
         """The claim's verdict as the delivery's outcome."""
@@ -186,6 +191,7 @@ class Mission:
             model_calls=dict(sortie.book.calls),
             renderer=episode.renderer if episode else None,
             stops=tuple(sortie.stops),
+            inspected_share=self._inspected_share(),
         )
 
 

@@ -60,6 +60,11 @@ class Task(Wire):
     shortest_horizontal_m: Metres
     shortest_spatial_m: Metres
 
+    @property
+    def absent(self) -> bool:
+        """Is the object not there at all? Then the right end is that it was not found."""
+        return self.scene.goal is None
+
 
 class EpisodeRecord(Wire):
     """One task as flown by one arm. `error` is set, and `result` null, where the episode itself broke: it counts as a

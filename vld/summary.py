@@ -10,6 +10,7 @@ from contracts.base import Wire
 from contracts.scene import BuildingKind
 from vld.metrics.breakdown import FLOOR_GROUPS, breakdown, floor_group
 from vld.metrics.collisions import collisions
+from vld.metrics.coverage import Absence, absence
 from vld.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
 from vld.metrics.ideal_lap import ideal_lap_spl
 from vld.metrics.model_calls import RoleCalls, model_calls
@@ -61,6 +62,17 @@ class Groups(Wire):
     floor: dict[str, Rate]
 
 
+class Absent(Wire):
+    """The tasks whose object is not there. `not_found`: ended as object_not_found without a claim; `claimed`: claimed
+    some window all the same; `windows_seen`: of the windows on the wanted floors; `inspected_share`: the mean of what
+    the searches themselves say of the facade, null where none says it."""
+
+    not_found: Rate
+    claimed: Rate
+    windows_seen: Rate
+    inspected_share: float | None
+
+
 class Summary(Wire):
     """A run's figures. Every rate is over the `tasks` flown, broken episodes included; `planned` is how many the run
     is to have. `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and
@@ -85,6 +97,7 @@ class Summary(Wire):
     success_curve: tuple[RadiusPoint, ...]
     groups: Groups
     errors: dict[str, int]
+    absent: Absent | None = None
 
 
 class Change(Wire):
@@ -120,6 +133,8 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
     # by task, so that figures do not depend on which worker was first
     ordered = sorted(records, key=lambda record: record.task)
     reasons = Counter(record.reason for record in ordered)
+    # no way is the shortest to a thing that is not there
+    there = [record for record in ordered if not tasks[record.task].absent]
     return Summary(
         tasks=len(ordered),
         planned=len(tasks),
@@ -127,10 +142,10 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
         floor_fail=_rate(floor_fail_rate(tasks, ordered)),
         recognition_fail=_rate(recognition_fail_rate(ordered)),
         spl=Spl(
-            horizontal=_rounded(spl([horizontal(tasks[record.task], record) for record in ordered])),
-            spatial=_rounded(spl([spatial(tasks[record.task], record) for record in ordered])),
+            horizontal=_rounded(spl([horizontal(tasks[record.task], record) for record in there])),
+            spatial=_rounded(spl([spatial(tasks[record.task], record) for record in there])),
         ),
-        ideal_lap_spl=_rounded(ideal_lap_spl([tasks[record.task] for record in ordered])),
+        ideal_lap_spl=_rounded(ideal_lap_spl(tasks[record.task] for record in ordered)),
         average_steps=_rounded(average_steps(ordered)),
         collisions=collisions(ordered),
         outcomes={reason: reasons[reason] for reason in get_args(Reason) if reasons[reason]},
@@ -144,6 +159,7 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
         ),
         groups=_groups(tasks, ordered),
         errors=dict(sorted(Counter(record.error.splitlines()[0] for record in ordered if record.error).items())),
+        absent=_absent(absence(tasks, ordered)),
     )
 
 
@@ -199,6 +215,17 @@ def _groups(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> Grou
         building=by(lambda task: task.building_kind, get_args(BuildingKind)),
         category=by(lambda task: task.category, get_args(Category)),
         floor=by(floor_group, _FLOOR_ORDER),
+    )
+
+
+def _absent(found: Absence | None) -> Absent | None:
+    if found is None:
+        return None
+    return Absent(
+        not_found=_rate(found.ended),
+        claimed=_rate(found.claimed),
+        windows_seen=_rate(found.windows),
+        inspected_share=_rounded(found.said),
     )
 
 

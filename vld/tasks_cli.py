@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from vld.absent import without_objects
 from vld.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate
 from vld.sim_client import SimulatorFault, own_simulator
 from vld.tasks import BadTasks, TaskSet, lines_of, load, packed, read
@@ -30,12 +31,16 @@ def generate_command(
         Path | None, typer.Option(help="A file (.jsonl, or .jsonl.zst to have it packed); else standard output.")
     ] = None,
     name: Annotated[str | None, typer.Option(help="What the tasks' names begin with.", show_default="the seed")] = None,
+    absent: Annotated[
+        bool, typer.Option("--absent", help="Take the object away: nothing is there to be found.")
+    ] = False,
 ) -> None:
     """Make a fresh set of tasks of the same kind as the shipped one; every one is flown once, with the truth."""
     if out is not None and out.exists():
         _stop(f"{out} is there already; name another file", WRONG_INPUT)
     try:
         made = generated(seed, count, Console(stderr=True), name)
+        made = without_objects(made) if absent else made
         if out is None:
             sys.stdout.write(lines_of(made.tasks).decode())
         else:
@@ -66,6 +71,8 @@ def show(
         found = load(tasks).task(task)
     except BadTasks as error:
         _stop(str(error), WRONG_INPUT)
+    if found.absent:
+        _stop(f"the object of {found.id} is not there: there is no window to draw a way to", WRONG_INPUT)
     path = out or Path(f"{found.id}.png")
     try:
         with own_simulator() as simulator:

@@ -17,6 +17,7 @@ from rich.console import Console
 from contracts.depth_assist import ViewpointSettings
 from contracts.orchestrator import MissionSettings, SightingSettings
 from contracts.sim import Flight
+from vld.absent import without_objects
 from vld.bench.folder import BadFolder, RunFolder
 from vld.bench.progress import LiveProgress, PlainProgress
 from vld.bench.run import CannotRun, Run
@@ -41,6 +42,9 @@ def bench(
     seed: Annotated[int | None, typer.Option(min=0, help="Fly a fresh set of this seed instead.")] = None,
     count: Annotated[int | None, typer.Option(min=1, help="How many tasks the fresh set has.")] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="Only the first tasks, evenly over the set.")] = None,
+    absent: Annotated[
+        bool, typer.Option("--absent", help="Take the objects away: the search should find none.")
+    ] = False,
     backend: Annotated[
         str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")
     ] = "embedded",
@@ -98,6 +102,7 @@ def bench(
         _stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
     try:
         chosen = _tasks(tasks, seed, count, console)
+        chosen = without_objects(chosen) if absent else chosen
         settings = RunSettings(
             tasks=chosen.name,
             checksum=chosen.checksum,

@@ -17,6 +17,10 @@ def print_summary(console: Console, summary: Summary, folder: str) -> None:
     main.add_row("floor localization fails", spoken(summary.floor_fail))
     main.add_row("object recognition fails", spoken(summary.recognition_fail))
     main.add_row("collisions", f"{summary.collisions}")
+    if (bare := summary.absent) is not None:
+        main.add_row("object absent: not found", spoken(bare.not_found))
+        main.add_row("object absent: claimed", spoken(bare.claimed))
+        main.add_row("object absent: windows seen", spoken(bare.windows_seen))
     busy = summary.render_s + summary.model_s
     main.add_row(
         "time",

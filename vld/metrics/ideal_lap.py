@@ -57,8 +57,9 @@ class _Plan(NamedTuple):
 
 
 def ideal_lap_spl(tasks: Iterable[Task]) -> float | None:
-    """The mean over the tasks of the mean over both sides of L / max(lap, L), 0..1; null without tasks."""
-    worth = [ideal_worth(task) for task in tasks]
+    """The mean over the tasks of the mean over both sides of L / max(lap, L), 0..1; null without tasks. Tasks whose
+    object is not there are left out."""
+    worth = [ideal_worth(task) for task in tasks if not task.absent]
     return sum(worth) / len(worth) if worth else None
 
 

@@ -5,7 +5,7 @@ The first that holds, in this order:
 error           the episode broke: no result, or one with outcome `failed` or `cancelled`
 collision       the drone touched something
 unreachable     a model or a service did not answer; says nothing about how good it is
-success         the delivery is the design's success
+success         the delivery is the design's success; where the object is not there at all, it was not found
 parse           floor or object were not what the customer asked for, or were not found in the request
 unreadable      a model answered, but too often with something that says nothing
 floor           the height found is more than 7 m off the window's, or none was found
@@ -52,7 +52,7 @@ def reason_of(task: Task, result: DeliveryResult | None) -> Reason:
         return "collision"
     if result.outcome in ("model_unreachable", "service_unreachable"):
         return "unreachable"
-    if stops_well(result):
+    if _ends_as_it_should(task, result):
         return "success"
     if result.outcome == "request_unreadable":
         return "unreadable"
@@ -102,13 +102,19 @@ def strayed(scene: Scene, pose: Pose) -> bool:
     return own_m > LOST_M or min(others, default=math.inf) < own_m
 
 
+def _ends_as_it_should(task: Task, result: DeliveryResult) -> bool:
+    if task.absent:
+        return result.outcome == "object_not_found" and result.verdict is None
+    return stops_well(result)
+
+
 def _reason_of_the_flight(task: Task, result: DeliveryResult) -> Reason:
     if result.outcome == "blocked" and result.final_height_m is None:
         return "blocked"
     if floor_failed(task, result):
         return "floor"
     if result.verdict is not None:
-        return "blocked" if result.verdict.right_window else "wrong_object"
+        return "blocked" if result.verdict.right_window and not task.absent else "wrong_object"
     if result.outcome == "blocked":
         return "blocked"
     stops = [stop.pose for stop in result.stops if stop.phase in SEARCHING]
