@@ -1,6 +1,7 @@
 """`logisticsvln bench` as a real process with real services: killed, interrupted, robbed of a service."""
 
 import json
+import multiprocessing
 import os
 import random
 import signal
@@ -13,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from contracts.base import Name
+from tests.vld.bench.made_up_run import COUNT, Doom, fly_made_up
 from tests.vld.evaluation_kit import a_task
 from vld.records import Task
 from vld.tasks import lines_of
@@ -102,43 +104,81 @@ def fly_through_kills(folder: Path, set_of_tasks: Path, count: int, kills: int, 
     assert json.loads(out)["tasks"] == count
 
 
-@pytest.mark.parametrize(("count", "kills"), [(4, 1), pytest.param(60, 10, marks=pytest.mark.slow)])
-def test_a_run_killed_at_random_ends_with_the_tables_of_one_left_alone(tmp_path: Path, count: int, kills: int) -> None:
-    set_of_tasks = write(tmp_path, count)
-    fly_through_kills(tmp_path / "killed", set_of_tasks, count, kills, seed=11)
+@pytest.mark.slow
+def test_a_run_killed_ten_times_ends_with_the_tables_of_one_left_alone(tmp_path: Path) -> None:
+    set_of_tasks = write(tmp_path, 60)
+    fly_through_kills(tmp_path / "killed", set_of_tasks, 60, 10, seed=11)
     clean = start("--tasks", set_of_tasks, *SMALL, "--workers", "2", folder=tmp_path / "clean")
     _, err = clean.communicate(timeout=1200)
     assert clean.returncode == 0, err
-    assert sorted(results(tmp_path / "killed")) == sorted(t.id for t in tasks(count))
+    assert sorted(results(tmp_path / "killed")) == sorted(t.id for t in tasks(60))
     assert tables(tmp_path / "killed") == tables(tmp_path / "clean")
 
 
-def test_a_service_that_dies_costs_its_episode_and_is_started_again(tmp_path: Path) -> None:
-    run = start("--tasks", write(tmp_path, 4), *SMALL, "--workers", "1", folder=tmp_path / "run")
-    wait_for(lambda: len(results(tmp_path / "run")) >= 1)
-    sims = [p for p in descendants(run.pid) if "services.sim" in (Path("/proc") / str(p) / "cmdline").read_text()]
-    # halted first, so that it dies during an episode and not between two
-    os.kill(sims[0], signal.SIGSTOP)
-    time.sleep(1.5)
-    os.kill(sims[0], signal.SIGKILL)
-    _, err = run.communicate(timeout=300)
-    assert run.returncode == 0, err
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text(encoding="utf-8"))
-    assert summary["tasks"] == summary["success"]["n"] == 4
-    records = [json.loads(line) for line in (tmp_path / "run" / "results.jsonl").read_text().splitlines()]
-    broken = [r for r in records if r["error"]]
-    assert [(r["error"], r["reason"]) for r in broken] == [("sim ended with code -9 during the episode", "unreachable")]
-    assert summary["outcomes"]["unreachable"] == 1
-    assert summary["success"]["k"] >= 1
+@pytest.mark.timeout(600)
+def test_a_made_up_run_killed_ten_times_ends_with_the_tables_of_one_left_alone(tmp_path: Path) -> None:
+    # forked from a process that has imported everything: thirteen sessions for the price of one
+    processes = multiprocessing.get_context("forkserver")
+    processes.set_forkserver_preload([fly_made_up.__module__])
+    chance = random.Random(5)
+    ends = []
+    for _ in range(10):
+        doom = Doom(flights=chance.randrange(5), then_s=chance.uniform(0.0, 0.02))
+        run = processes.Process(target=fly_made_up, args=(tmp_path / "killed", 2, doom))
+        run.start()
+        run.join()
+        ends.append(run.exitcode)
+        assert len(results(tmp_path / "killed")) == len(set(results(tmp_path / "killed")))
+    assert ends.count(-signal.SIGKILL) >= 5, f"too few sessions were killed under way: {ends}"
+    for name, workers in (("killed", 3), ("clean", 1)):
+        run = processes.Process(target=fly_made_up, args=(tmp_path / name, workers))
+        run.start()
+        run.join()
+        assert run.exitcode == 0
+    assert sorted(results(tmp_path / "killed")) == sorted(results(tmp_path / "clean"))
+    assert len(results(tmp_path / "clean")) == COUNT
+    assert tables(tmp_path / "killed") == tables(tmp_path / "clean")
 
 
-def test_an_interrupted_run_says_how_to_go_on_and_leaves_nothing_running(tmp_path: Path) -> None:
-    run = start("--tasks", write(tmp_path, 30), *SMALL, "--workers", "1", folder=tmp_path / "run")
-    wait_for(lambda: len(results(tmp_path / "run")) >= 1)
+@pytest.mark.timeout(600)
+def test_a_run_interrupted_killed_and_robbed_of_a_service_has_every_result_once(tmp_path: Path) -> None:
+    folder, count = tmp_path / "run", 5
+    arguments = ("--tasks", write(tmp_path, count), *SMALL, "--workers", "1")
+
+    run = start(*arguments, folder=folder)
+    wait_for(lambda: len(results(folder)) >= 1)
     theirs = descendants(run.pid)
     run.send_signal(signal.SIGINT)
     _, err = run.communicate(timeout=60)
     assert run.returncode == 130
     assert "goes on" in err
-    assert not any(map(alive, theirs))
-    assert (tmp_path / "run" / "summary.json").is_file()
+    assert not any(map(alive, theirs)), "an interrupted run leaves services behind"
+    assert (folder / "summary.json").is_file()
+
+    run = start(*arguments, folder=folder)
+    wait_for(lambda: len(results(folder)) >= 2)
+    theirs = descendants(run.pid)
+    assert len(theirs) == 5, "a worker and its four services"
+    run.kill()
+    run.communicate()
+    wait_for(lambda: not any(map(alive, theirs)), 60)
+    before = results(folder)
+
+    run = start(*arguments, folder=folder)
+    wait_for(lambda: len(results(folder)) > len(before))
+    sims = [p for p in descendants(run.pid) if "services.sim" in (Path("/proc") / str(p) / "cmdline").read_text()]
+    # halted first, so that it dies during an episode and not between two
+    os.kill(sims[0], signal.SIGSTOP)
+    time.sleep(1.0)
+    os.kill(sims[0], signal.SIGKILL)
+    _, err = run.communicate(timeout=300)
+    assert run.returncode == 0, err
+    assert results(folder)[: len(before)] == before
+    assert sorted(results(folder)) == [t.id for t in tasks(count)]
+    records = [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()]
+    broken = [(r["error"], r["reason"]) for r in records if r["error"]]
+    assert broken == [("sim ended with code -9 during the episode", "unreachable")]
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["tasks"] == summary["success"]["n"] == count
+    assert summary["outcomes"]["unreachable"] == 1
+    assert summary["success"]["k"] >= 1
