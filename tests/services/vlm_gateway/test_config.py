@@ -10,7 +10,8 @@ import pytest
 
 from service_kit.settings import BadSetting, Settings
 from services.vlm_gateway.bootstrap import build
-from services.vlm_gateway.config import ChatModelConfig, chat_model, load_config
+from services.vlm_gateway.config import ChatModelConfig, KeyConfig, chat_model, load_config
+from services.vlm_gateway.presets import families, servers
 
 GOOD = """
 [models.qwen]
@@ -133,3 +134,18 @@ def test_the_example_that_ships_is_right() -> None:
     config = load_config(Path(str(files("services.vlm_gateway.presets") / "example.toml")), oracle_allowed=False)
     assert config.roles["parser"] == "deepseek-r1"
     assert len(config.models) == 6
+
+
+def test_the_example_of_the_documentation_is_right(tmp_path: Path) -> None:
+    page = (Path(__file__).parents[3] / "docs" / "gateway.md").read_text(encoding="utf-8")
+    example = page.split("```toml\n")[1].split("```")[0]
+    config = load_config(write(tmp_path, example), oracle_allowed=False)
+    assert config.roles["recognition"] == "qwen"
+    assert set(config.models) == {"embedded", "qwen", "gemini", "llama"}
+    assert set(config.keys) == {"team-a"}
+
+
+def test_the_documentation_lists_every_preset_and_every_key() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "gateway.md").read_text(encoding="utf-8")
+    for name in (*servers(), *families(), *ChatModelConfig.model_fields, *KeyConfig.model_fields):
+        assert f"`{name}`" in page or f"{name} =" in page, name
