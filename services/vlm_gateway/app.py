@@ -4,7 +4,6 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
-from functools import partial
 from typing import Any, TypeVar
 
 from fastapi import FastAPI, Request
@@ -35,7 +34,6 @@ from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.door import PATH, HotDoor, Limits
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.models import Models
-from services.vlm_gateway.hot.target import Target
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import gauge
 
@@ -60,11 +58,9 @@ def build_app(
     started_at = time.time()
     cache = gateway.cache
     chats = {alias: backend for alias, backend in gateway.backends.items() if isinstance(backend, ChatBackend)}
-    targets = {
-        alias: Target(backend.settings, backend.upstream, partial(gateway.metrics.retried, alias))
-        for alias, backend in chats.items()
-    }
-    passed_on = Models(targets, gateway.roles.get("parser"), cache, gateway.metrics)
+    passed_on = Models(
+        {alias: chat.upstream for alias, chat in chats.items()}, gateway.roles.get("parser"), cache, gateway.metrics
+    )
     log = RequestLog(log_share)
 
     @asynccontextmanager
@@ -74,7 +70,6 @@ def build_app(
         try:
             yield
         finally:
-            passed_on.close()
             for backend in gateway.backends.values():
                 await backend.close()
             log.flush()

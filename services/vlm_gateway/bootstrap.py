@@ -6,14 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
-from service_kit.client import ServiceClient
 from service_kit.metrics import HttpMetrics
 from service_kit.settings import BadSetting, Settings
 from services.vlm_gateway import embedded
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.chat import ChatBackend
-from services.vlm_gateway.backends.oracle import OracleBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.opened import cache_of
@@ -98,6 +96,9 @@ def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMe
     if isinstance(model, EmbeddedModelConfig):
         return _embedded(alias, model)
     if isinstance(model, OracleModelConfig):
+        from service_kit.client import ServiceClient  # neither is needed by a gateway to models only
+        from services.vlm_gateway.backends.oracle import OracleBackend
+
         return OracleBackend(ServiceClient("sim", sim.url or "", token=sim.token), model)
     return ScriptedBackend(load_script(Path(model.script)), name=alias, repeat=model.repeat)
 

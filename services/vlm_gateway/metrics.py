@@ -34,7 +34,7 @@ class GatewayMetrics:
         self._registry = registry
         self._prices = dict(prices or {})
         self._calls = self._counter("calls", "Questions and chats by outcome.", [*labels, "outcome", "cache"])
-        self._seconds = _Children(
+        self._seconds = Children(
             Histogram(
                 "vlm_gateway_call_seconds",
                 "Time to an answer.",
@@ -50,7 +50,7 @@ class GatewayMetrics:
         self._fallbacks = self._counter("fallbacks", "Chats handed on to another model.", ["model", "to", "after"])
         self._refused = self._counter("refused", "Requests refused for their key or its budget.", ["key", "code"])
         names = ["gen_ai_operation_name", "gen_ai_provider_name", "gen_ai_request_model"]
-        self._duration = _Children(
+        self._duration = Children(
             Histogram(
                 "gen_ai_client_operation_duration_seconds",
                 "Time of a call to a model, retries and waiting included.",
@@ -59,7 +59,7 @@ class GatewayMetrics:
                 registry=registry,
             )
         )
-        self._usage = _Children(
+        self._usage = Children(
             Histogram(
                 "gen_ai_client_token_usage",
                 "Tokens of a call to a model.",
@@ -109,8 +109,8 @@ class GatewayMetrics:
         """Read these at every look at the figures."""
         self._registry.register(_Read(gauges))
 
-    def _counter(self, name: str, about: str, labels: list[str]) -> "_Children":
-        return _Children(Counter(f"vlm_gateway_{name}", about, labels, registry=self._registry))
+    def _counter(self, name: str, about: str, labels: list[str]) -> "Children":
+        return Children(Counter(f"vlm_gateway_{name}", about, labels, registry=self._registry))
 
 
 def gauge(name: str, about: str, by_model: Mapping[str, float]) -> Metric:
@@ -121,7 +121,7 @@ def gauge(name: str, about: str, by_model: Mapping[str, float]) -> Metric:
     return family
 
 
-class _Children:
+class Children:
     """A metric's series by their labels, found with one look-up: the client library's own takes a lock and several."""
 
     def __init__(self, metric: Counter | Histogram) -> None:

@@ -3,9 +3,6 @@
 
 import math
 
-import cv2
-import numpy as np
-
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import Picture
 
@@ -16,6 +13,9 @@ _LESS = (QUALITY, 85, 75, 60)
 def fresh(picture: Picture, *, max_pixels: int, max_side: int, max_bytes: int) -> Picture:
     """The same picture as a new JPEG of at most `max_pixels`, no side over `max_side` pixels and no more than
     `max_bytes`. Raises BadQuestion (`bad_image`) where it can't be decoded or made to fit."""
+    import cv2  # here, so that a gateway that only passes chats on starts without it
+    import numpy as np
+
     # the picture is taken as its pixels lie: boxes are told in these, whatever EXIF says of its orientation
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     pixels = cv2.imdecode(np.frombuffer(picture.jpeg, np.uint8), flags)

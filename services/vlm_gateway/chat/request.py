@@ -39,7 +39,7 @@ PASSED = frozenset(
 DROPPED = frozenset({"user", "metadata", "store", "service_tier", "n", "prompt_cache_key", "safety_identifier"})
 """Taken, so that clients work unchanged, but not passed on: they tell the server about the caller or ask for more than
 one answer."""
-_OURS = frozenset({"model", "stream"})
+_KNOWN = PASSED | DROPPED | {"model", "stream"}
 _ROLES = frozenset({"system", "developer", "user", "assistant", "tool"})
 _MESSAGE = frozenset({"role", "content", "name", "tool_calls", "tool_call_id", "refusal", "reasoning_content"})
 
@@ -64,10 +64,10 @@ def check_chat(body: object, cut_out: CutOut) -> Chat:
     """Raises BadQuestion (`invalid`, `unknown_field`, `no_urls`, `bad_image`)."""
     if not isinstance(body, dict):
         raise invalid("body", "a JSON object is wanted")
-    unknown = sorted(str(name)[:40] for name in set(body) - PASSED - DROPPED - _OURS)
-    if unknown:
+    if not _KNOWN.issuperset(body):
+        unknown = sorted(str(name)[:40] for name in set(body) - _KNOWN)
         message = f"unknown field{'s' if len(unknown) > 1 else ''} {', '.join(unknown[:8])}; known are "
-        raise BadQuestion(message + ", ".join(sorted(PASSED | DROPPED | _OURS)), code="unknown_field")
+        raise BadQuestion(message + ", ".join(sorted(_KNOWN)), code="unknown_field")
     if body.get("n") not in (None, 1):
         raise invalid("n", "one answer a request is given; send n=1 or leave it out")
     for name in ("max_tokens", "max_completion_tokens"):

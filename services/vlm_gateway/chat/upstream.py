@@ -1,28 +1,52 @@
-"""The wire to one OpenAI-compatible server: deadlines, one retry, bounded replies, and typed errors for everything
-that such servers and the proxies in front of them really send."""
+"""One model behind one server: bounded concurrency, a breaker, retries within a budget, and typed errors for everything
+that such servers and the proxies in front of them really send. Typed questions and chats passed on share all of it."""
 
 import asyncio
 import random
-import time
-from collections.abc import Awaitable, Callable
+import ssl
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
+from urllib.parse import urlsplit
 
-import aiohttp
+from pydantic_core import to_json
 
 from contracts.vlm_gateway import Tokens
 from service_kit.errors import ServiceError
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.breaker import Breaker
 from services.vlm_gateway.chat.dialects import Call
-from services.vlm_gateway.chat.replies import Api, ReplyReader
+from services.vlm_gateway.chat.replies import Api, ReplyReader, Said
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
+from services.vlm_gateway.hot.http1 import BrokenReply, Buffer, Pool, Server, Stream
+from services.vlm_gateway.hot.scan import Wanted
 
 T = TypeVar("T")
 MAX_REPLY_BYTES = 8 * 1024 * 1024
-MAX_ERROR_BYTES = 64 * 1024
 LONGEST_PAUSE_S = 2.0
 """A retry is not put off longer than this; a server that asks for more gets its caller told instead."""
+RETRY_SHARE = 0.2
+RETRY_RESERVE = 10.0
+
+
+class Answer(NamedTuple):
+    """`body` is the server's reply as it came."""
+
+    body: bytes
+    said: Said
+
+
+class RetryBudget:
+    """At most one retry in five requests, and ten at once: a server that is down is not asked twice as often."""
+
+    def __init__(self) -> None:
+        self.left = RETRY_RESERVE
+
+    def asked(self) -> None:
+        self.left = min(RETRY_RESERVE, self.left + RETRY_SHARE)
+
+    def took(self) -> None:
+        self.left = max(0.0, self.left - 1.0)
 
 
 class Completion(NamedTuple):
@@ -36,122 +60,230 @@ class Completion(NamedTuple):
 
 
 class Upstream:
-    """One model of one server. Use `close` when done."""
+    """`retried` is told of every retry. Use `close` when done."""
 
     def __init__(self, model: ChatModel, key: str | None, retried: Callable[[str], None]) -> None:
-        self.key = key
-        self._model = model
-        self._alias = model.alias
-        self._headers = {"Content-Type": "application/json"}
-        if key:
-            self._headers["Authorization"] = f"Bearer {key}"
-        self._replies = ReplyReader(model.alias, key)
-        self._retried = retried
-        self._session: aiohttp.ClientSession | None = None
+        self.alias = model.alias
+        self.model = model
+        self.provider = model.config.server
+        self.wanted = Wanted(to_json(model.config.model), model.server.max_tokens_field, model.config.extra)
+        self.fallbacks = model.config.fallbacks
         self.admission = Admission(model.alias, model.config.concurrency, model.config.queue)
         self.breaker = Breaker(failures=5, pause_s=2.0)
+        self.budget = RetryBudget()
+        self._timeout_s = model.config.timeout_s
+        self._retried = retried
+        self._replies = ReplyReader(model.alias, key)
+        url = urlsplit(model.base_url)
+        secure = url.scheme == "https"
+        host, port = url.hostname or "", url.port or (443 if secure else 80)
+        tls = ssl.create_default_context() if secure else None
+        self._pool = Pool(Server(host, port, tls), connect_timeout_s=model.config.connect_timeout_s)
+        self._chats = url.path + "/chat/completions"
+        lines = [" HTTP/1.1", f"host: {url.netloc}", "content-type: application/json", "user-agent: logisticsvln"]
+        lines += [f"authorization: Bearer {key}"] if key else []
+        self._head = "\r\n".join([*lines, "content-length: "]).encode()
+
+    @property
+    def fingerprint(self) -> list[object]:
+        """What of the configuration an answer depends on."""
+        config = self.model.config
+        return [config.model, config.revision, config.extra, self.wanted.limit_field]
 
     async def close(self) -> None:
-        if self._session is not None:
-            await self._session.close()
-            self._session = None
+        self._pool.close()
+
+    def no_choice(self) -> ModelUnreachable:
+        """The error of a reply without a choice."""
+        return self._replies.unreachable("it sent a reply without a choice", "empty_choices")
 
     async def ask(self, call: Call) -> Completion:
-        """One whole reply. Raises ModelUnreachable, ModelTimeout, ModelOverloaded or ModelRejected."""
-        deadline = time.monotonic() + self._model.config.timeout_s
+        """One whole reply to a typed question; a server that is loading its model is waited for. Raises
+        ModelUnreachable, ModelTimeout, ModelOverloaded or ModelRejected."""
+        attempts = 0
+
+        async def once(request: list[Buffer], deadline: float) -> Completion:
+            nonlocal attempts
+            attempts += 1
+            body, said = await self._whole(request, deadline, call.api)
+            return Completion(body, said.message, said.finish_reason, said.tokens, attempts)
+
+        return await self._admitted(self._request(urlsplit(call.url).path, [call.body], None), once, patient=True)
+
+    async def whole(self, body: Sequence[Buffer], trace: bytes | None) -> Answer:
+        """One whole reply to a chat in OpenAI's form. Raises as `ask` does."""
+        return await self._admitted(self._request(self._chats, body, trace), self._whole)
+
+    async def stream(self, body: Sequence[Buffer], trace: bytes | None) -> "Opened":
+        """The reply's head and a way to its events; its place is held until that is closed. Raises as `ask` does."""
+        stream = await self._admitted(self._request(self._chats, body, trace), self._stream, keep=True)
+        return Opened(stream, self.alias, self._replies, self._timeout_s, self.admission)
+
+    async def _admitted(
+        self,
+        request: list[Buffer],
+        once: Callable[[list[Buffer], float], Awaitable[T]],
+        *,
+        patient: bool = False,
+        keep: bool = False,
+    ) -> T:
+        """`once`, with a place of the model's and as often as it takes; the place is kept where asked for."""
+        deadline = asyncio.get_running_loop().time() + self._timeout_s
         try:
-            async with asyncio.timeout(self._model.config.timeout_s), self.admission:
-                return await self._with_retry(lambda attempt: self._whole(call, attempt), deadline)
+            await self.admission.enter(deadline)
         except TimeoutError:
-            raise self._too_late() from None
+            raise _late(self.alias, self._timeout_s) from None
+        left = False
+        try:
+            result = await self._with_retries(request, once, deadline, patient)
+            left = keep
+            return result
+        finally:
+            if not left:
+                self.admission.leave()
 
-    async def _whole(self, call: Call, attempt: int) -> Completion:
-        async with await self._open(call.url, call.body) as response:
-            return self._read(call.api, response, await self._bytes(response, MAX_REPLY_BYTES), attempt)
+    def _request(self, path: str, body: Sequence[Buffer], trace: bytes | None) -> list[Buffer]:
+        head = b"POST " + path.encode() + self._head + str(sum(map(len, body))).encode()
+        if trace is not None:
+            head += b"\r\ntraceparent: " + trace
+        return [head + b"\r\n\r\n", *body]
 
-    async def _with_retry(self, work: Callable[[int], Awaitable[T]], deadline: float) -> T:
-        """`work(1)` and, where that failed in a way that may pass, once more after a pause. A server that is loading
-        its model is asked until the deadline."""
-        attempt, once_more = 1, True
+    async def _with_retries(
+        self,
+        request: list[Buffer],
+        once: Callable[[list[Buffer], float], Awaitable[T]],
+        deadline: float,
+        patient: bool,
+    ) -> T:
+        self.budget.asked()
+        attempt = again = 0
         while True:
+            attempt += 1
             try:
-                return await work(attempt)
+                return await once(request, deadline)
             except (ModelUnreachable, ModelOverloaded) as error:
-                loading = error.details.get("reason") == "loading"
-                pause_s = self._pause_s(error, attempt) if loading or once_more else None
-                if pause_s is None or time.monotonic() + pause_s >= deadline:
+                if patient and error.details.get("reason") == "loading":
+                    pause_s: float | None = _loading_pause_s(error, attempt)
+                elif again < self.model.config.retries and self.budget.left >= 1.0:
+                    again += 1
+                    pause_s = _pause_s(error, again)
+                else:
+                    pause_s = None
+                if pause_s is None or asyncio.get_running_loop().time() + pause_s >= deadline:
                     raise
-                once_more = once_more and loading
+                self.budget.took()
                 self._retried(error.code)
             await asyncio.sleep(pause_s)
-            attempt += 1
 
-    async def _open(self, url: str, body: bytes) -> aiohttp.ClientResponse:
-        """A response with status 200, its body not read yet."""
-        if not self.breaker.allow():
-            raise ModelUnreachable(
-                f"model {self._alias!r} did not answer several times in a row; it is tried again in "
-                f"{self.breaker.wait_s:.1f} s",
-                details={"model": self._alias, "reason": "breaker_open"},
-                headers={"Retry-After": "2"},
-            )
-        config = self._model.config
-        if self._session is None:
-            self._session = aiohttp.ClientSession(
-                connector=aiohttp.TCPConnector(limit=config.concurrency + 4, keepalive_timeout=20.0),
-                timeout=aiohttp.ClientTimeout(total=None, sock_connect=config.connect_timeout_s),
-                trust_env=False,
-            )
+    async def _whole(self, request: list[Buffer], deadline: float, api: Api = "openai") -> Answer:
+        self._allowed()
         try:
-            response = await self._session.post(url, data=body, headers=self._headers, allow_redirects=False)
-        except aiohttp.ServerTimeoutError:
-            self.breaker.failure()
-            raise self._replies.unreachable("no connection in time", "connect") from None
-        except (aiohttp.ClientError, OSError) as error:
-            self.breaker.failure()
-            raise self._replies.unreachable(f"no connection ({type(error).__name__})", "connect") from None
+            status, headers, body = await self._pool.whole(request, deadline, MAX_REPLY_BYTES)
+        except BrokenReply as broken:
+            raise self._broken(broken) from None
+        told = _told(headers)
+        if status != 200:
+            raise self._refused(status, body, told)
         self.breaker.success()
-        if response.status == 200:
-            return response
-        async with response:
-            raise self._replies.refusal(response.status, await self._bytes(response, MAX_ERROR_BYTES), response.headers)
+        return Answer(body, self._replies.said(api, body, told))
 
-    async def _bytes(self, response: aiohttp.ClientResponse, limit: int) -> bytes:
-        pieces: list[bytes] = []
-        size = 0
+    async def _stream(self, request: list[Buffer], deadline: float) -> Stream:
+        self._allowed()
         try:
-            async for piece in response.content.iter_any():
-                pieces.append(piece)
-                size += len(piece)
-                if size > limit:
-                    raise self._replies.unreachable(f"the reply is over {limit} bytes", "too_large")
-        except (aiohttp.ClientError, OSError) as error:
-            raise self._replies.unreachable(f"the reply broke off ({type(error).__name__})", "cut") from None
-        return b"".join(pieces)
+            stream = await self._pool.stream(request, deadline)
+            told = _told(stream.headers)
+            if stream.status == 200 and told["Content-Type"].startswith("text/event-stream"):
+                self.breaker.success()
+                return stream
+            body = await stream.rest(deadline, MAX_REPLY_BYTES)
+        except BrokenReply as broken:
+            raise self._broken(broken) from None
+        if stream.status != 200:
+            raise self._refused(stream.status, body, told)
+        # an error inside a 200, a proxy's page, or a server that knows no streams
+        self._replies.said("openai", body, told)
+        raise self._replies.unreachable("it answers a stream with a single reply", "no_stream")
 
-    def _read(self, api: Api, response: aiohttp.ClientResponse, body: bytes, attempt: int) -> Completion:
-        said = self._replies.said(api, body, response.headers)
-        return Completion(body, said.message, said.finish_reason, said.tokens, attempt)
+    def _allowed(self) -> None:
+        if not self.breaker.allow():
+            message = (
+                f"model {self.alias!r} did not answer several times in a row; it is tried again in "
+                f"{self.breaker.wait_s:.1f} s"
+            )
+            details: dict[str, object] = {"model": self.alias, "reason": "breaker_open"}
+            raise ModelUnreachable(message, details=details, headers={"Retry-After": "2"})
 
-    @staticmethod
-    def _pause_s(error: ServiceError, attempt: int) -> float | None:
-        """How long to wait before asking again; None where that is no use."""
-        jitter_s = random.uniform(0.05, 0.2)
-        if error.details.get("reason") == "loading":
-            wait_s = min(LONGEST_PAUSE_S, 0.2 * 2.0 ** min(attempt, 8))
-            return max(wait_s, float(error.details.get("retry_after_s", 0.0))) + jitter_s
-        if isinstance(error, ModelOverloaded):
-            if "upstream_status" not in error.details:
-                return None  # our own queue is full
-            wait_s = float(error.details.get("retry_after_s", 0.0))
-            return wait_s + jitter_s if wait_s <= LONGEST_PAUSE_S else None
-        if error.details.get("reason") == "connect" or error.details.get("upstream_status") == 502:
-            return jitter_s
-        return None
+    def _broken(self, broken: BrokenReply) -> ServiceError:
+        self.breaker.failure()
+        if broken.reason == "late":
+            return _late(self.alias, self._timeout_s)
+        return self._replies.unreachable(str(broken), broken.reason)
 
-    def _too_late(self) -> ModelTimeout:
-        limit_s = self._model.config.timeout_s
-        return ModelTimeout(
-            f"model {self._alias!r} gave no answer within {limit_s:g} s",
-            details={"model": self._alias, "timeout_s": limit_s},
-        )
+    def _refused(self, status: int, body: bytes, told: dict[str, str]) -> ServiceError:
+        if status >= 500 and status != 503:
+            self.breaker.failure()
+        else:
+            self.breaker.success()
+        return self._replies.refusal(status, body, told)
+
+
+class Opened:
+    """A stream of events under way; it holds its model's place until it is closed."""
+
+    def __init__(
+        self, stream: Stream, alias: str, replies: ReplyReader, timeout_s: float, admission: Admission
+    ) -> None:
+        self._stream = stream
+        self._alias = alias
+        self._replies = replies
+        self._timeout_s = timeout_s
+        self._admission: Admission | None = admission
+
+    async def piece(self) -> bytes:
+        """What has come since; empty at the end. Bounded in time between two pieces, not as a whole: long answers are
+        what streams are for. Raises ModelUnreachable or ModelTimeout."""
+        try:
+            return await self._stream.piece(asyncio.get_running_loop().time() + self._timeout_s)
+        except BrokenReply as broken:
+            if broken.reason == "late":
+                raise _late(self._alias, self._timeout_s) from None
+            raise self._replies.unreachable("the stream broke off", "cut") from None
+
+    def cut(self) -> ModelUnreachable:
+        """The error of a stream without its end."""
+        return self._replies.unreachable("the stream ended before its end", "cut")
+
+    def close(self) -> None:
+        """Break off what is left, or give back what is through."""
+        self._stream.close()
+        if self._admission is not None:
+            self._admission.leave()
+            self._admission = None
+
+
+def _told(headers: dict[bytes, bytes]) -> dict[str, str]:
+    """The headers that say something about the reply."""
+    kind, wait = headers.get(b"content-type", b""), headers.get(b"retry-after", b"")
+    return {"Content-Type": kind.decode("latin-1"), "Retry-After": wait.decode("latin-1")}
+
+
+def _late(alias: str, limit_s: float) -> ModelTimeout:
+    details: dict[str, object] = {"model": alias, "timeout_s": limit_s}
+    return ModelTimeout(f"model {alias!r} gave no answer within {limit_s:g} s", details=details)
+
+
+def _loading_pause_s(error: ServiceError, attempt: int) -> float:
+    """How long to wait for a server that is loading its model."""
+    wait_s = min(LONGEST_PAUSE_S, 0.2 * 2.0 ** min(attempt, 8))
+    return max(wait_s, float(error.details.get("retry_after_s", 0.0))) + random.uniform(0.05, 0.2)
+
+
+def _pause_s(error: ServiceError, again: int) -> float | None:
+    """How long to wait before asking again; None where that is no use."""
+    backoff_s = random.uniform(0.05, 0.2) * 2.0 ** (again - 1)
+    if isinstance(error, ModelOverloaded):
+        wait_s = float(error.details.get("retry_after_s", 0.0))
+        return wait_s + backoff_s if wait_s <= LONGEST_PAUSE_S else None
+    if error.details.get("reason") in ("connect", "no_reply") or error.details.get("upstream_status") == 502:
+        return backoff_s
+    return None

@@ -35,9 +35,9 @@ from services.vlm_gateway.hot.models import Answered, Errand, Models
 from services.vlm_gateway.hot.relay import Broadcast
 from services.vlm_gateway.hot.scan import Scanned, read, scan
 from services.vlm_gateway.hot.visit import Head, Stored, Visit, head_of
-from services.vlm_gateway.hot.watch import Watch, too_late
+from services.vlm_gateway.hot.watch import Watch, caller_left, slow_body, too_late
 from services.vlm_gateway.keys import Forbidden, Key, Keys, asking
-from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.metrics import Children, GatewayMetrics
 
 PATH = "/v1/chat/completions"
 OPEN_PATHS = frozenset({"/healthz", "/readyz"})
@@ -80,6 +80,8 @@ class HotDoor:
         self._cache = cache
         self._metrics = metrics
         self._http = http
+        self._requests = Children(http.requests)
+        self._seconds = http.seconds.labels(PATH, "POST")
         self._log = log
         self._limits = limits
         self._models = models
@@ -155,14 +157,14 @@ class HotDoor:
         try:
             head = head_of(scope)
             limit_s = head.timeout_s
-            watch.limit(BODY_WITHIN_S, ServiceError("the body did not come in time", code="slow_body", status=408))
+            watch.limit(BODY_WITHIN_S, slow_body)
             raw = await self._body(head, receive)
             held = len(raw)
             self._held += held
             if limit_s is None:
-                watch.limit(None)
+                watch.unlimited()
             else:
-                watch.limit(max(0.001, limit_s - visit.took_s()), too_late(limit_s))
+                watch.limit(max(0.001, limit_s - visit.took_s()), partial(too_late, limit_s))
             watch.caller()
             await self._served(head, raw, visit)
         except asyncio.CancelledError:
@@ -195,7 +197,7 @@ class HotDoor:
                     raise _too_large(limit)
             body = b"".join(pieces)
         if message["type"] == "http.disconnect":
-            raise ServiceError("the caller has left", code="caller_left", status=499)
+            raise caller_left()
         if len(body) > limit:
             raise _too_large(limit)
         return body
@@ -279,8 +281,8 @@ class HotDoor:
 
     def _count(self, visit: Visit) -> None:
         took_s = visit.took_s()
-        self._http.requests.labels(PATH, "POST", str(visit.status)).inc()
-        self._http.seconds.labels(PATH, "POST").observe(took_s)
+        self._requests.of(PATH, "POST", str(visit.status)).inc()
+        self._seconds.observe(took_s)
         if visit.alias:
             self._metrics.called("chat", "chat", visit.alias, visit.outcome, visit.cache, took_s)
         if self._log.wants(visit.status):

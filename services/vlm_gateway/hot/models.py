@@ -8,10 +8,10 @@ from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.chat.replies import Said
 from services.vlm_gateway.chat.request import Chat
+from services.vlm_gateway.chat.upstream import Upstream
 from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.hot.relay import Kept, Pieces
 from services.vlm_gateway.hot.scan import Scanned, rewritten
-from services.vlm_gateway.hot.target import Target
 from services.vlm_gateway.hot.visit import Stored
 from services.vlm_gateway.keys import Forbidden, Key
 from services.vlm_gateway.metrics import GatewayMetrics
@@ -31,13 +31,13 @@ class Errand(NamedTuple):
     """A chat that nobody knows the answer to. `targets` are asked in turn; `digest` is what the answer is to be kept
     under, empty where it is not to be kept."""
 
-    targets: Sequence[Target]
+    targets: Sequence[Upstream]
     scanned: Scanned
     chat: Chat
     trace: bytes | None
     digest: str
 
-    def in_turn(self) -> Iterator[tuple[Target, Target | None]]:
+    def in_turn(self) -> Iterator[tuple[Upstream, Upstream | None]]:
         """Every target with the one that comes after it."""
         return zip(self.targets, [*self.targets[1:], None], strict=True)
 
@@ -47,7 +47,7 @@ class Models:
 
     def __init__(
         self,
-        targets: Mapping[str, Target],
+        targets: Mapping[str, Upstream],
         default: str | None,
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
@@ -62,11 +62,7 @@ class Models:
         """What of the configuration answers depend on."""
         return {alias: target.fingerprint for alias, target in sorted(self._targets.items())}
 
-    def close(self) -> None:
-        for target in self._targets.values():
-            target.close()
-
-    def asked(self, chat: Chat, key: Key) -> list[Target]:
+    def asked(self, chat: Chat, key: Key) -> list[Upstream]:
         """The targets of a chat, in the order in which they are asked. Raises BadQuestion or Forbidden."""
         alias = chat.alias or self.default
         first = None if alias is None else self._targets.get(alias)
@@ -80,7 +76,7 @@ class Models:
         return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
 
     async def whole(self, errand: Errand) -> Answered:
-        """Target by target, until one answers."""
+        """Upstream by target, until one answers."""
         for target, after in errand.in_turn():
             started = time.perf_counter()
             try:
@@ -139,12 +135,12 @@ class Models:
                 self._cache.put(errand.digest, Stored(target.alias, True, whole).written())
             return
 
-    def _keep(self, errand: Errand, target: Target, answer: Stored) -> None:
+    def _keep(self, errand: Errand, target: Upstream, answer: Stored) -> None:
         """Unless another model stood in: its answer is not the one that was asked for."""
         if errand.digest and self._cache is not None and target is errand.targets[0]:
             self._cache.put(errand.digest, answer.written())
 
-    def _failed(self, target: Target, after: Target | None, error: ServiceError, started: float) -> None:
+    def _failed(self, target: Upstream, after: Upstream | None, error: ServiceError, started: float) -> None:
         self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, error=error.code)
         if after is not None and isinstance(error, _PASSES_ON):
             self._metrics.fell_back(target.alias, after.alias, error.code)

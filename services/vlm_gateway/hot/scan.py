@@ -102,18 +102,16 @@ def rewritten(scanned: Scanned, chat: Chat, wanted: Wanted) -> list[Buffer]:
     body = chat.body
     limits = [name for name in _LIMITS if body.get(name) is not None]
     as_it_is = (
-        not DROPPED & body.keys()
+        DROPPED.isdisjoint(body)
         and not (wanted.extra and wanted.extra.keys() - body.keys())
         and limits in ([], [wanted.limit_field])
         # \u00 may spell a letter of a key: then the one "model" seen below may be another than the one that was read
         and b"\\u00" not in scanned.skeleton
         and None not in body.values()
     )
-    found = _MODEL.findall(scanned.skeleton) if as_it_is else []
-    if len(found) == 1 and scanned.skeleton.count(b'"model"') == 1 and chat.alias is not None:
-        at = _MODEL.search(scanned.skeleton)
-        assert at is not None
-        start, end = at.start(1) - 1, at.end(1) + 1
+    found = _MODEL.search(scanned.skeleton) if as_it_is else None
+    if found is not None and scanned.skeleton.count(b'"model"') == 1 and chat.alias is not None:
+        start, end = found.start(1) - 1, found.end(1) + 1
         if wanted.model_json == scanned.skeleton[start:end]:
             return [scanned.raw]
         skeleton = scanned.skeleton[:start] + wanted.model_json + scanned.skeleton[end:]

@@ -1,6 +1,7 @@
 """Ends the work for a request whose caller has left, or is not going to wait any longer."""
 
 import asyncio
+from collections.abc import Callable
 
 from starlette.types import Receive
 
@@ -25,11 +26,16 @@ class Watch:
         self._watcher: asyncio.Task[None] | None = None
         self.why: ServiceError | None = None
 
-    def limit(self, after_s: float | None, why: ServiceError | None = None) -> None:
-        """End the work after so long; this replaces an earlier limit, and None takes it away."""
+    def limit(self, after_s: float, why: Callable[[], ServiceError]) -> None:
+        """End the work after so long; this replaces an earlier limit."""
+        self.unlimited()
+        self._timer = self._loop.call_later(after_s, self._end, why)
+
+    def unlimited(self) -> None:
+        """Take the limit away."""
         if self._timer is not None:
             self._timer.cancel()
-        self._timer = None if after_s is None or why is None else self._loop.call_later(after_s, self._end, why)
+            self._timer = None
 
     def caller(self) -> None:
         """From now on (or rather, a moment later) end the work when the caller leaves. The request's body must have
@@ -49,11 +55,21 @@ class Watch:
     async def _gone(self) -> None:
         while (await self._receive())["type"] != "http.disconnect":
             pass
-        self._end(ServiceError("the caller has left", code="caller_left", status=499))
+        self._end(caller_left)
 
-    def _end(self, why: ServiceError) -> None:
-        self.why = self.why or why
+    def _end(self, why: Callable[[], ServiceError]) -> None:
+        self.why = self.why or why()
         self._task.cancel()
+
+
+def caller_left() -> ServiceError:
+    """Nobody reads this, but it is counted."""
+    return ServiceError("the caller has left", code="caller_left", status=499)
+
+
+def slow_body() -> ServiceError:
+    """The request's body did not come in time."""
+    return ServiceError("the body did not come in time", code="slow_body", status=408)
 
 
 def too_late(limit_s: float) -> ModelTimeout:
