@@ -6,9 +6,10 @@ PYTHON := $(shell for p in python3.11 python3.12 python3; do command -v $$p 2>/d
 BIN := .venv/bin
 SAMPLE ?= green-flower-pot
 BACKEND ?= embedded
+STREETS ?= 3000
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-real-server check format load bench-sim bench-model clean
+.PHONY: help setup demo samples test test-slow test-real-server check format load bench-sim bench-model train clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -86,6 +87,10 @@ bench-model: setup  ## the embedded model's CPU time for five views against the 
 
 bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
 	@$(BIN)/python -m tests.load.bench_gateway
+
+train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=3000]
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
+	@$(BIN)/python -m training --streets $(STREETS)
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

@@ -1,6 +1,7 @@
 """Streets to train on: the same for the same seed, sound, and never of a look that is held out."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from training.stops import NEAREST_M, looks
 from training.streets import street
 from vld.footprints import distance_to_outline
 
-SEEDS = range(0, 12)
+SEEDS = range(12)
 
 
 def walls_of(scene: Scene) -> set[str]:
@@ -55,7 +56,7 @@ def test_crowded_streets_have_decoys_of_one_class_and_of_one_colour() -> None:
         s for seed in range(30) if (s := street(CATALOGUE, seed, sparse=False)) and len(s.scene.objects) > 60
     )
     looks_of = [(o.kind, o.colour) for o in crowded.scene.objects]
-    pairs = list(zip(looks_of, looks_of[1:], strict=False))
+    pairs = list(pairwise(looks_of))
     assert any(a[0] == b[0] and a[1] != b[1] for a, b in pairs)
     assert sum(a[1] == b[1] for a, b in pairs) > len(pairs) * 0.1
 

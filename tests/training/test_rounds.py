@@ -1,0 +1,87 @@
+"""Training runs: what was interrupted ends as if it had not been; what is exported answers as the network did.
+
+Needs the extra `train`; without it these tests are skipped.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from tests.training.test_crops_and_pieces import shard_with  # noqa: E402
+from training import fit_namer, fit_proposer  # noqa: E402
+from training.crop_store import collect  # noqa: E402
+from training.export import plain_model, write_model, write_namer, write_proposer  # noqa: E402
+from training.nets import Namer, Proposer, ProposerAnswer  # noqa: E402
+from training.rounds import Plan, Trainer  # noqa: E402
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
+PLAN = Plan(steps=20, rate=1e-3, warm=3, save_every=4, log_every=5)
+
+
+def same(a: Trainer, b: Trainer) -> bool:
+    ours, theirs = a.net.state_dict(), b.net.state_dict()
+    smooth = all(torch.equal(a.smooth[k], b.smooth[k]) for k in a.smooth)
+    return smooth and all(torch.equal(ours[k], theirs[k]) for k in ours)
+
+
+def test_an_interrupted_proposer_ends_as_one_that_was_not(tmp_path: Path) -> None:
+    shards = [shard_with(tmp_path, s) for s in (1, 2)]
+    whole = fit_proposer.trainer(tmp_path / "whole", shards, PLAN, batch=2)
+    whole.run()
+    fit_proposer.trainer(tmp_path / "parts", shards, PLAN, batch=2).run(until=9)
+    torch.manual_seed(99)  # another process has another chance
+    resumed = fit_proposer.trainer(tmp_path / "parts", shards, PLAN, batch=2)
+    assert resumed.step == 9
+    resumed.run()
+    assert resumed.step == whole.step == 20
+    assert same(whole, resumed)
+
+
+def test_an_interrupted_namer_ends_as_one_that_was_not_and_learns(tmp_path: Path) -> None:
+    files = collect([shard_with(tmp_path, s) for s in (1, 2)], tmp_path / "crops", 10, context=1.6, min_px=24.0)
+    whole = fit_namer.trainer(tmp_path / "whole", files, 10, 4, PLAN, batch=8)
+    whole.run()
+    fit_namer.trainer(tmp_path / "parts", files, 10, 4, PLAN, batch=8).run(until=11)
+    resumed = fit_namer.trainer(tmp_path / "parts", files, 10, 4, PLAN, batch=8)
+    resumed.run()
+    assert same(whole, resumed)
+    log = (tmp_path / "whole" / "namer-log.jsonl").read_text(encoding="utf-8").splitlines()
+    assert len(log) == 4
+    assert float(log[-1].split('"loss": ')[1].split(",")[0]) < float(log[0].split('"loss": ')[1].split(",")[0])
+
+
+def test_exported_networks_answer_as_they_did(tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    proposer, namer = Proposer().eval(), Namer(7, 4).eval()
+    write_proposer(proposer, tmp_path / "proposer.onnx")
+    write_namer(namer, tmp_path / "namer.onnx")
+    rng = np.random.default_rng(0)
+    for shape in ((1, 320, 384, 3), (3, 256, 256, 3)):
+        pictures = rng.integers(0, 256, shape, dtype=np.uint8)
+        said = onnxruntime.InferenceSession(str(tmp_path / "proposer.onnx")).run(
+            ["objectness", "box", "building", "window", "row"], {"pictures": pictures}
+        )
+        with torch.no_grad():
+            expected = ProposerAnswer(proposer)(torch.from_numpy(pictures))
+        for ours, theirs in zip(said, expected, strict=True):
+            assert ours == pytest.approx(theirs.numpy(), abs=1e-3)
+    crops = rng.integers(0, 256, (5, 64, 64, 3), dtype=np.uint8)
+    said = onnxruntime.InferenceSession(str(tmp_path / "namer.onnx")).run(["kind", "colour", "box"], {"crops": crops})
+    with torch.no_grad():
+        for ours, theirs in zip(said, namer(torch.from_numpy(crops)), strict=True):
+            assert ours == pytest.approx(theirs.numpy(), abs=1e-3)
+
+
+def test_the_description_names_every_class_and_colour_of_the_catalogue(tmp_path: Path) -> None:
+    from services.sim.catalogue import CATALOGUE
+    from services.vlm_gateway.embedded.exported import Exported
+
+    model = plain_model("2-test")
+    write_model(model, tmp_path)
+    assert Exported.load(tmp_path) == model
+    assert model.kinds == tuple(e.kind for e in CATALOGUE.entries)
+    assert {c for e in CATALOGUE.entries for c in e.colours} == set(model.colours)
