@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from contracts.depth_assist import ExploreDrawing
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult, Event
 from contracts.scene import Building, WindowPlace
@@ -19,13 +20,25 @@ Xy = tuple[float, float]
 Xyz = tuple[float, float, float]
 
 
+class SearchMap(NamedTuple):
+    """The contour explorer's last map as cells of the plan, `cell_m` wide: facade it has inspected, facade it has not,
+    and where it expects some out of sight; and the way it meant to fly next."""
+
+    cell_m: float
+    inspected: tuple[Xy, ...]
+    uninspected: tuple[Xy, ...]
+    expected: tuple[Xy, ...]
+    way: tuple[Xy, ...]
+
+
 class Flight(NamedTuple):
-    """What is drawn of a flight: the way (metres, ENU), and the stops with a question to a model, each with whether the
-    window was in plain view while the drone was searching."""
+    """What is drawn of a flight: the way (metres, ENU), the stops with a question to a model, each with whether the
+    window was in plain view while the drone was searching, and what the search knew where it kept a map."""
 
     track: tuple[Xyz, ...]
     stops: tuple[tuple[Xyz, bool], ...]
     nose: float | None
+    search: SearchMap | None = None
 
 
 def flight_of(task: Task, result: DeliveryResult | None, events: Sequence[Event]) -> Flight:
@@ -43,7 +56,15 @@ def flight_of(task: Task, result: DeliveryResult | None, events: Sequence[Event]
             *(place for place, _ in stops),
             *((_place(result.pose),) if result.pose is not None else ()),
         )
-    return Flight(track, stops, result.pose.yaw if result.pose is not None else None)
+    return Flight(track, stops, result.pose.yaw if result.pose is not None else None, _search_map(events))
+
+
+def _search_map(events: Sequence[Event]) -> SearchMap | None:
+    last = next((event for event in reversed(events) if event.kind == "contour"), None)
+    if last is None:
+        return None
+    drawing = ExploreDrawing.model_validate(last.data["explore"]["drawing"])
+    return SearchMap(drawing.cell_m, drawing.inspected, drawing.uninspected, drawing.expected, drawing.way)
 
 
 def plan_view(task: Task, flight: Flight, *, good: bool) -> Html:
@@ -67,6 +88,8 @@ def plan_view(task: Task, flight: Flight, *, good: bool) -> Html:
     for other in task.scene.buildings:
         corners = [at(p.x, p.y) for p in other.footprint]
         parts.append(tag("polygon", points=_points(corners), class_="house own" if other is building else "house"))
+    if flight.search is not None:
+        parts += _searched(flight.search, at, unit)
     parts += _window(task, at, unit)
     way = [at(x, y) for x, y, _ in flight.track]
     if len(way) > 1:
@@ -99,6 +122,9 @@ def plan_key() -> Html:
         ("stop with a question to a model", tag("circle", cx=8, cy=7, r=4, class_="stop")),
         ("stop with the window in plain view", tag("circle", cx=8, cy=7, r=5, class_="stop seen")),
         ("end, and where the nose points", tag("polygon", points="15,7 3,13 6,7 3,1", class_="end bad")),
+        ("facade the contour search inspected", tag("rect", x=2, y=3, width=12, height=8, class_="cells inspected")),
+        ("not yet", tag("rect", x=2, y=3, width=12, height=8, class_="cells uninspected")),
+        ("expected out of sight", tag("rect", x=2, y=3, width=12, height=8, class_="cells expected")),
         ("the customer's window, and its side", tag("polygon", points="6,0 10,0 14,14 2,14", class_="target")),
     )
     return tag(
@@ -180,6 +206,25 @@ def _window(task: Task, at: Callable[[float, float], Xy], unit: float) -> list[H
             stroke_width=_r(2.0 * unit),
         ),
     ]
+
+
+def _searched(known: SearchMap, at: Callable[[float, float], Xy], unit: float) -> list[Html]:
+    side = _r(known.cell_m)
+    parts = []
+    for kind, cells, words in (
+        ("expected", known.expected, "facade expected out of sight"),
+        ("uninspected", known.uninspected, "facade not yet inspected"),
+        ("inspected", known.inspected, "facade inspected"),
+    ):
+        corners = [at(x - known.cell_m / 2, y + known.cell_m / 2) for x, y in cells]
+        squares = "".join(f"M{_r(x)} {_r(y)}h{side}v{side}h-{side}z" for x, y in corners)
+        if squares:
+            parts.append(tag("path", tag("title", words), d=squares, class_=f"cells {kind}"))
+    if len(known.way) > 1:
+        points = _points([at(x, y) for x, y in known.way])
+        title = tag("title", "where the search meant to go on")
+        parts.append(tag("polyline", title, points=points, class_="meant", stroke_width=_r(0.7 * unit)))
+    return parts
 
 
 def _drone(end: Xy, nose: float | None, unit: float, good: bool) -> Html:

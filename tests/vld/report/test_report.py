@@ -73,8 +73,9 @@ def a_run(path: Path, records: list[EpisodeRecord], **mission: object) -> Path:
     return path
 
 
-def recorded(run: Path, task: Task, result: DeliveryResult) -> EpisodeRecord:
-    """A failure with its record on disk: one look with five pictures, in plain view of the window."""
+def recorded(run: Path, task: Task, result: DeliveryResult, drawing: dict[str, object] | None = None) -> EpisodeRecord:
+    """A failure with its record on disk: one look with five pictures, in plain view of the window; `drawing` is the
+    contour explorer's map."""
     question = DeliveryQuestion(request=task.request, scene=task.scene)
     delivery = Delivery(
         id=task.id, status="waiting", phase="parse", request=task.request, scene="s", created="now", folder=None
@@ -86,6 +87,8 @@ def recorded(run: Path, task: Task, result: DeliveryResult) -> EpisodeRecord:
     record.write("floors", "move", "to floor 3", {"path": [pose], "reached": True, "to": pose})
     views = dict.fromkeys(("view-90", "view-45", "view", "view+45", "view+90"), jpeg)
     record.write("explore", "look", "step 1: no <pot> in sight", {"pose": pose, "returns": []}, lambda: views)
+    if drawing is not None:
+        record.write("explore", "contour", "move: towards facade", {"explore": {"drawing": drawing}})
     record.conclude(result)
     record.announce(result)
     return a_record(task, result, folder=f"episodes/{task.id}")
@@ -124,6 +127,22 @@ def test_the_page_holds_every_failure_once_with_its_reason(two_runs: list[Path])
         ("0", "error"),
     ]
     assert page.count('class="plan"') == 3
+
+
+def test_a_failure_of_the_contour_search_shows_what_it_had_seen_and_what_it_expected(tmp_path: Path) -> None:
+    drawing: dict[str, object] = {
+        "cell_m": 0.5,
+        "inspected": [(1.0, 0.0), (1.5, 0.0)],
+        "uninspected": [(2.0, 0.0)],
+        "expected": [(20.0, 3.0)],
+        "way": [(22.0, -2.0), (24.0, 2.0)],
+    }
+    missed = a_result("object_not_found", stops=stops((10.0, -6.0, 3.14)))
+    page = build_page(load_runs([a_run(tmp_path / "run", [recorded(tmp_path / "run", TASKS[0], missed, drawing)])]))
+    cells = {kind: path.count("M") for path, kind in re.findall(r'd="([^"]*)" class="cells (\w+)"', page)}
+    assert cells == {"inspected": 2, "uninspected": 1, "expected": 1}
+    assert page.count('class="meant"') == 1
+    parsed(page)
 
 
 def test_the_page_needs_nothing_from_anywhere(two_runs: list[Path]) -> None:
