@@ -60,12 +60,13 @@ def evaluate(
     seeds = [*range(first_seed, first_seed + tasks), *range(STRANGE_SEED, STRANGE_SEED + strange)]
     try:
         runs = load_runs(flown or [])
-        cases = _cases(seeds, folder, console)
         about: dict[str, Any] = {}
         if answers is not None:
             given = Answers.model_validate_json(answers.read_bytes())
-            cases = {a.seed: cases[a.seed] for a in given.sought if a.seed in cases}
+            known = read_cases(folder)
+            cases = {seed: known[seed] for seed in sorted({a.seed for a in given.sought})}
         else:
+            cases = _cases(seeds, folder, console)
             given, about = asyncio.run(_asked(list(cases.values()), folder, backend, console))
         scores = score(cases, given, settings)
         if out is not None:
@@ -75,6 +76,8 @@ def evaluate(
             write_whole(out / "about.json", json.dumps(about))
         if card_folder is not None:
             write_card(card_folder, cases, given, scores, folder, about, runs)
+    except KeyError as error:
+        _stop(f"{folder} has no pictures of street {error}, which the answers are about", WRONG_INPUT)
     except (BadFolder, ValueError) as error:
         _stop(str(error), WRONG_INPUT)
     except (CannotStart, SimulatorFault, PortError, OSError) as error:
