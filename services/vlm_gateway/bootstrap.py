@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from service_kit.metrics import HttpMetrics
 from service_kit.settings import BadSetting, Settings
-from services.vlm_gateway import embedded
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.chat import ChatBackend
+from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.opened import cache_of
@@ -26,7 +26,6 @@ from services.vlm_gateway.config import (
     chat_model,
     load_config,
 )
-from services.vlm_gateway.embedded.exported import FOLDER
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.door import HotDoor
 from services.vlm_gateway.keys import Keys
@@ -94,7 +93,7 @@ def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMe
         chat = chat_model(alias, model, where)
         return ChatBackend(chat, Upstream(chat, key, partial(figures.retried, alias)))
     if isinstance(model, EmbeddedModelConfig):
-        return _embedded(alias, model)
+        return LazyBackend(alias, "embedded", partial(_embedded, alias, model))
     if isinstance(model, OracleModelConfig):
         from service_kit.client import ServiceClient  # neither is needed by a gateway to models only
         from services.vlm_gateway.backends.oracle import OracleBackend
@@ -131,6 +130,9 @@ def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
 
 def _embedded_revision() -> str:
     """A hash of the embedded model's code and data: whoever changes either is not answered out of an old cache."""
+    from services.vlm_gateway import embedded
+    from services.vlm_gateway.embedded.exported import FOLDER
+
     digest = hashlib.sha256()
     folder = Path(embedded.__file__).parent
     for path in sorted([*folder.glob("*.py"), *folder.glob("*.npz"), *folder.glob("*.json"), *FOLDER.glob("*.*")]):

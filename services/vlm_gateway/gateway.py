@@ -9,6 +9,8 @@ from pydantic import ValidationError
 from contracts.vlm_gateway import Answer, CacheResult, Question, Role
 from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.backends.base import Backend, shortened
+from services.vlm_gateway.backends.chat import ChatBackend
+from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.keys import answer_key
 from services.vlm_gateway.cache.port import CacheDown
@@ -46,6 +48,8 @@ class Gateway:
         kind = KINDS[type(question)]
         alias = self.alias(question.model, kind.role)
         backend = self.backends[alias]
+        if isinstance(backend, LazyBackend):
+            backend = await backend.ready()
         cache = self.cache if backend.cacheable else None
         started = time.perf_counter()
         try:
@@ -122,7 +126,14 @@ class Gateway:
             return None
 
     async def _ask(self, kind: Kind, alias: str, backend: Backend, prepared: Prepared) -> Answer:
-        reply = await prepared.ask(backend)
+        started = time.perf_counter()
+        provider = backend.settings.config.server if isinstance(backend, ChatBackend) else backend.kind
+        try:
+            reply = await prepared.ask(backend)
+        except ServiceError as error:
+            self.metrics.model_called(provider, alias, time.perf_counter() - started, error=error.code)
+            raise
+        self.metrics.model_called(provider, alias, time.perf_counter() - started, reply.tokens)
         self.metrics.spent(alias, reply.tokens)
         return kind.answer.model_validate(
             {
