@@ -82,7 +82,9 @@ def fit_proposer(home: Path, steps: int, until: int | None, threads: int) -> Non
 
     torch.set_num_threads(threads)
     paths = list(shards(home / "fit"))
-    fitting.trainer(home / "nets", paths, fitting.PLAN._replace(steps=steps)).run(until)
+    plan = fitting.PLAN._replace(steps=steps)
+    device, workers = _device()
+    fitting.trainer(home / "nets", paths, plan, device=device, workers=workers).run(until)
 
 
 def fit_namer(
@@ -114,7 +116,18 @@ def fit_namer(
         )
     for folder in also:
         files += shards(folder)
-    fitting.trainer(home / "nets", files, kinds, colours, fitting.PLAN._replace(steps=steps)).run(until)
+    plan = fitting.PLAN._replace(steps=steps)
+    device, workers = _device()
+    fitting.trainer(home / "nets", files, kinds, colours, plan, device=device, workers=workers).run(until)
+
+
+def _device() -> tuple[str, int]:
+    """Where to train, and how many threads make batches ahead: a graphics card is never to wait for them."""
+    import os
+
+    import torch
+
+    return ("cuda", max(1, (os.cpu_count() or 2) - 1)) if torch.cuda.is_available() else ("cpu", 0)
 
 
 def export(home: Path, out: Path | None, version: str) -> dict[str, float]:

@@ -27,12 +27,12 @@ PLAIN = Calibration(score=(0.0, 1.0), probability=(0.0, 1.0))
 
 def smoothed(checkpoint: Path, net: nn.Module) -> nn.Module:
     """The network with a checkpoint's smoothed weights. Raises OSError where there is no checkpoint."""
-    net.load_state_dict(torch.load(checkpoint, weights_only=True)["smooth"])
+    net.load_state_dict(torch.load(checkpoint, weights_only=True, map_location="cpu")["smooth"])
     return net.eval()
 
 
 def steps_of(checkpoint: Path) -> int:
-    return int(torch.load(checkpoint, weights_only=True)["step"])
+    return int(torch.load(checkpoint, weights_only=True, map_location="cpu")["step"])
 
 
 def write_proposer(net: Proposer, path: Path) -> None:

@@ -6,7 +6,8 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from training.crop_store import CropBatches
+from training.ahead import Ahead
+from training.crop_store import CropBatches, Crops
 from training.nets import Namer
 from training.rounds import Plan, Trainer
 
@@ -19,19 +20,32 @@ _SOFT = 0.05
 
 
 def trainer(
-    folder: Path, files: Sequence[Path], kinds: int, colours: int, plan: Plan = PLAN, seed: int = 1, batch: int = BATCH
+    folder: Path,
+    files: Sequence[Path],
+    kinds: int,
+    colours: int,
+    plan: Plan = PLAN,
+    seed: int = 1,
+    batch: int = BATCH,
+    device: str = "cpu",
+    workers: int = 0,
 ) -> Trainer:
-    """Goes on from the folder's checkpoint where there is one."""
+    """Goes on from the folder's checkpoint where there is one. `workers`: threads that make batches ahead."""
     torch.manual_seed(seed)
     crops = CropBatches(files, kinds, seed)
 
+    def made(number: int) -> Crops:
+        return crops.batch(number, batch, FIRST_PX if number < plan.steps * FIRST_SHARE else CROP_PX)
+
+    coming = Ahead(made, workers)
+
     def loss(net: nn.Module, number: int) -> tuple[Tensor, dict[str, float]]:
-        crop_px = FIRST_PX if number < plan.steps * FIRST_SHARE else CROP_PX
-        rgb, kind, colour, box = (torch.from_numpy(part) for part in crops.batch(number, batch, crop_px))
+        rgb, kind, colour, box = (torch.from_numpy(part).to(device) for part in coming.get(number))
         kind_out, colour_out, box_out = net(rgb)
         return namer_loss(kind_out, colour_out, box_out, kind, colour, box, kinds)
 
-    return Trainer("namer", folder, Namer(kinds, colours).to(memory_format=torch.channels_last), loss, plan)
+    net = Namer(kinds, colours).to(device, memory_format=torch.channels_last)
+    return Trainer("namer", folder, net, loss, plan)
 
 
 def namer_loss(

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from services.vlm_gateway.embedded.crops import proposals
+from training.ahead import Ahead
 from training.crop_store import Floats, Propose
 from training.nets import STRIDE, Proposer, ProposerAnswer, distances_px
 from training.pieces import Pieces
@@ -19,17 +20,25 @@ PLAN = Plan(steps=6000, rate=1.5e-3)
 _SHARPNESS = 2.0
 
 
-def trainer(folder: Path, shards: Sequence[Path], plan: Plan = PLAN, seed: int = 1, batch: int = BATCH) -> Trainer:
-    """Goes on from the folder's checkpoint where there is one."""
+def trainer(
+    folder: Path,
+    shards: Sequence[Path],
+    plan: Plan = PLAN,
+    seed: int = 1,
+    batch: int = BATCH,
+    device: str = "cpu",
+    workers: int = 0,
+) -> Trainer:
+    """Goes on from the folder's checkpoint where there is one. `workers`: threads that make batches ahead."""
     torch.manual_seed(seed)
     pieces = Pieces(shards, seed)
+    coming = Ahead(lambda number: pieces.batch(number, batch), workers)
 
     def loss(net: nn.Module, number: int) -> tuple[Tensor, dict[str, float]]:
-        drawn = pieces.batch(number, batch)
-        rgb, core, care, inside, box, maps = (torch.from_numpy(part) for part in drawn)
+        rgb, core, care, inside, box, maps = (torch.from_numpy(part).to(device) for part in coming.get(number))
         return proposer_loss(net(rgb), core, care, inside, box, maps)
 
-    return Trainer("proposer", folder, Proposer().to(memory_format=torch.channels_last), loss, plan)
+    return Trainer("proposer", folder, Proposer().to(device, memory_format=torch.channels_last), loss, plan)
 
 
 def proposer_loss(
@@ -78,7 +87,7 @@ def _area(box: Tensor) -> Tensor:
 def proposer_of(checkpoint: Path, threshold: float = 0.15, limit: int = 24) -> Propose:
     """Boxes as the trained proposer proposes them, doubtful ones included. Raises OSError without a checkpoint."""
     net = Proposer()
-    net.load_state_dict(torch.load(checkpoint, weights_only=True)["smooth"])
+    net.load_state_dict(torch.load(checkpoint, weights_only=True, map_location="cpu")["smooth"])
     answer = ProposerAnswer(net.to(memory_format=torch.channels_last)).eval()
 
     def propose(rgb: Picture) -> Floats:

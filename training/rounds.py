@@ -112,12 +112,13 @@ class Trainer:
         part.rename(self._checkpoint)
 
     def _restore(self) -> None:
-        state = torch.load(self._checkpoint, weights_only=True)
+        where = next(self.net.parameters()).device
+        state = torch.load(self._checkpoint, weights_only=True, map_location=where)
         self.net.load_state_dict(state["net"])
         self.smooth = state["smooth"]
         self._best.load_state_dict(state["best"])
         self.step = int(state["step"])
-        torch.set_rng_state(state["chance"])
+        torch.set_rng_state(state["chance"].cpu())
 
     def _write(self, figures: dict[str, float]) -> None:
         line = {

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from services.vlm_gateway.embedded.crops import proposals
+from training.ahead import Ahead
 from training.calibrate import Sighting, calibrated, claim_score, outcome, rising
 from training.crop_store import CropBatches, Crops, backgrounds, collect, crops_of, moved, overlap_matrix
 from training.labels import STRIDE, Labels, Thing
@@ -167,3 +168,9 @@ def test_the_claim_threshold_keeps_wrong_claims_within_what_is_allowed() -> None
     assert 0.6 < score < 0.75
     assert outcome(found, score).wrong <= 0.02
     assert outcome(found, 0.1).wrong > 0.2
+
+
+@pytest.mark.parametrize("workers", [0, 3])
+def test_batches_made_ahead_come_in_their_order_and_skips_are_followed(workers: int) -> None:
+    ahead = Ahead(lambda number: number * 10, workers)
+    assert [ahead.get(n) for n in (0, 1, 2, 3, 9, 10, 4)] == [0, 10, 20, 30, 90, 100, 40]
