@@ -1,4 +1,4 @@
-"""`python -m tests.load.bench_model [--json] [--rounds N] [--scene FILE]`: what seeing costs beside rendering.
+"""`python -m tests.load.bench_model [--json] [--rounds N] [--scene FILE] [--weights DIR]`: seeing beside rendering.
 
 The same five 800 x 800 views of a sample delivery, taken before its window, in turn within one run so that whatever
 else the machine does hits both:
@@ -31,6 +31,7 @@ from services.sim.bootstrap import build_scene
 from services.sim.render.choice import choose_renderer
 from services.vlm_gateway.backends.base import Picture
 from services.vlm_gateway.backends.embedded import JpegShot
+from services.vlm_gateway.embedded.exported import FOLDER
 from services.vlm_gateway.embedded.model import EmbeddedModel
 from tests.load.bench_sim import SAMPLE, SIZE, scene_of
 
@@ -69,7 +70,7 @@ def clocked(job: Callable[[], Any]) -> Clocked:
     return Clocked(time.process_time() - cpu, time.perf_counter() - wall, result)
 
 
-def measure(scene: Scene, rounds: int, tick: Callable[[str], None]) -> Figures:
+def measure(scene: Scene, rounds: int, tick: Callable[[str], None], weights: Path = FOLDER) -> Figures:
     """Warms both up once, then takes them in turn."""
     tick("building the scene")
     mesh = build_scene(scene)
@@ -79,7 +80,7 @@ def measure(scene: Scene, rounds: int, tick: Callable[[str], None]) -> Figures:
         renderer = choose_renderer()
         stack.callback(renderer.close)
         uploaded = renderer.upload(mesh)
-        model = EmbeddedModel(remembered=len(VIEW_HEADINGS_DEG))
+        model = EmbeddedModel(weights, remembered=len(VIEW_HEADINGS_DEG))
         took: dict[str, list[Clocked]] = {"render": [], "model": [], "decode": [], "next": []}
         for number in range(rounds + 1):
             tick(f"round {number} of {rounds}" if number else "warming up")
@@ -132,9 +133,10 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
     parser.add_argument("--scene", type=Path, default=SAMPLE, help="a sample delivery or a scene document")
     parser.add_argument("--rounds", type=int, default=9)
+    parser.add_argument("--weights", type=Path, default=FOLDER, help="the trained files")
     options = parser.parse_args()
     with Console(stderr=True).status("starting") as status:
-        figures = measure(scene_of(options.scene), max(1, options.rounds), status.update)
+        figures = measure(scene_of(options.scene), max(1, options.rounds), status.update, options.weights)
     met = figures.model_ms <= MARK_MS
     if options.json:
         more = {"ratio": round(figures.ratio, 3), "mark_ms": MARK_MS, "mark_met": met}
