@@ -10,7 +10,7 @@ from orchestrator.record import read_events
 from vld.metrics.floor_localization import height_error_m
 from vld.records import EpisodeRecord, Reason, Task
 from vld.report.markup import Html, counted, join, number, tag
-from vld.report.pictures import DEFAULT_BYTES, Album, Shown, edge_for, evidence
+from vld.report.pictures import DEFAULT_BYTES, Album, Shown, evidence, most_telling
 from vld.report.plan import flight_of, height_profile, plan_key, plan_view
 from vld.report.runs import Run
 from vld.scene_plan import Difficulty
@@ -61,7 +61,9 @@ def gallery(runs: Sequence[Run], failures: Sequence[Failure], limit_bytes: int =
     """The filters and the cards."""
     if not failures:
         return tag("p", "No episode failed.", class_="soft")
-    album = Album(edge_for(sum(len(failure.shown) for failure in failures), limit_bytes), limit_bytes)
+    kept = most_telling([failure.shown for failure in failures], limit_bytes)
+    failures = [failure._replace(shown=shown) for failure, shown in zip(failures, kept, strict=True)]
+    album = Album(sum(map(len, kept)), limit_bytes)
     cards = [_card(runs, failure, album) for failure in failures]
     left_out = (
         tag("p", f"{counted(album.left_out, 'picture')} left out to keep this page below its size.", class_="soft")

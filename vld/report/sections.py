@@ -114,9 +114,9 @@ def compared(runs: Sequence[Run]) -> list[Html]:
         "Only first",
         "Only second",
         "Neither",
-        "Success, first − second",
+        "Success, difference",
         "p",
-        "SPL, first − second",
+        "SPL, difference",
         "p",
     )
     rows = []
@@ -138,12 +138,12 @@ def compared(runs: Sequence[Run]) -> list[Html]:
         "table",
         tag("thead", tag("tr", *(tag("th", head) for head in heads))),
         tag("tbody", *rows),
-        class_="booktabs figures",
+        class_="booktabs figures pairs",
     )
     told = (
-        "Success: McNemar's exact test over the tasks that one run alone solved. Differences in percentage points "
-        "with the paired bootstrap's 95 % interval (10,000 resamples, from ten tasks on); no correction for several "
-        "comparisons."
+        "Differences are the first less the second, in percentage points with the paired bootstrap's 95 % interval "
+        "(10,000 resamples, from ten tasks on). Success: McNemar's exact test over the tasks that one run alone "
+        "solved. No correction for several comparisons."
     )
     return [
         tag("h2", "Runs compared", id="compared"),

@@ -21,7 +21,7 @@ from vld.records import EpisodeRecord, RunSettings, Task
 from vld.report.command import report
 from vld.report.markup import Html, join, tag
 from vld.report.page import build_page
-from vld.report.pictures import Album, edge_for
+from vld.report.pictures import Album, Shown, edge_for, most_telling
 from vld.report.runs import label_of, load_runs
 from vld.subtasks import parse
 from vld.subtasks.figures import SubtaskScores
@@ -176,13 +176,13 @@ def test_the_papers_five_tables_stand_beside_ours(two_runs: list[Path]) -> None:
 def test_pictures_take_no_more_room_than_they_were_given(two_runs: list[Path]) -> None:
     page = build_page(load_runs(two_runs), limit_bytes=0)
     assert "data:image/jpeg" not in page
-    assert "5 pictures left out" in page
+    assert "2 pictures left out" in page
 
 
 def test_an_album_scales_down_and_counts_what_it_leaves_out(tmp_path: Path) -> None:
     path = tmp_path / "big.jpg"
     path.write_bytes(jpeg_bytes(encode_jpeg(np.random.default_rng(1).integers(0, 255, (600, 600, 3), np.uint8))))
-    album = Album(200, limit_bytes=60_000)
+    album = Album(8, limit_bytes=60_000)
     first = album.picture(path, "noise")
     assert first is not None
     assert len(first.source) < path.stat().st_size / 4
@@ -193,6 +193,25 @@ def test_an_album_scales_down_and_counts_what_it_leaves_out(tmp_path: Path) -> N
     assert album.picture(tmp_path / "gone.jpg", "gone") is None
     assert [edge_for(n) for n in (0, 300, 10**6)] == [400, 400, 160]
     assert 160 < edge_for(2000) < 400
+
+
+def test_many_failures_show_fewer_pictures_each_and_those_that_tell_most() -> None:
+    look = [Shown(f"0001_view{h:+d}.jpg", str(h), rank) for h, rank in ((-90, 5), (-45, 4), (0, 3), (45, 1), (90, 2))]
+    assert most_telling([look] * 3) == [look] * 3
+    many = most_telling([look] * 2000)
+    assert len(many) == 2000
+    assert [one.caption for one in many[0]] == ["45", "90"]
+
+
+def test_an_album_gives_every_planned_picture_room_even_where_all_take_more_than_usual(tmp_path: Path) -> None:
+    path = tmp_path / "big.jpg"
+    coarse = np.random.default_rng(1).integers(0, 255, (50, 50, 3), np.uint8)
+    path.write_bytes(jpeg_bytes(encode_jpeg(np.kron(coarse, np.ones((16, 16, 1), np.uint8)))))
+    album = Album(40, limit_bytes=800_000)
+    shown = [album.picture(path, "noise") for _ in range(40)]
+    assert None not in shown
+    assert album.left_out == 0
+    assert album.used_bytes <= 800_000
 
 
 def test_a_run_without_results_still_has_a_page(tmp_path: Path) -> None:
