@@ -48,9 +48,11 @@ class _Status(_Lenient):
 
 
 class _Chat(BaseModel):
+    """Just warm enough that a gateway does not answer out of its cache: what the model says now is wanted."""
+
     model: str
     messages: list[dict[str, Any]]
-    temperature: float = 0.0
+    temperature: float = 0.01
     max_tokens: int = MAX_TOKENS
 
 

@@ -23,8 +23,8 @@ def running_mock() -> Iterator[OpenAiMock]:
     mock.stop()
 
 
-def parser(serve: Serve, address: str) -> str:
-    backend = chat_backend(None, base_url=address, timeout_s=1.0, preset="deepseek-r1-distill")
+def parser(serve: Serve, address: str, deadline_s: float = 15.0) -> str:
+    backend = chat_backend(None, base_url=address, timeout_s=deadline_s, preset="deepseek-r1-distill")
     gateway = serve(build({"m": backend}, roles={"parser": "m"}).app)
     return serve(bootstrap(Settings({"PARSER_BACKEND": "chat", "GATEWAY_URL": gateway})))
 
@@ -38,7 +38,7 @@ def test_a_fault_of_the_model_s_server_ends_in_a_typed_outcome(
     serve: Serve, running_mock: OpenAiMock, fault: Fault
 ) -> None:
     with suffering(fault, running_mock) as address:
-        answer = parse(parser(serve, address))
+        answer = parse(parser(serve, address, fault.deadline_s))
     told = answer.json()
     assert answer.status_code == fault.status
     if fault.code is None:

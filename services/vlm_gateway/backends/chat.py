@@ -158,14 +158,14 @@ class ChatBackend:
         except ModelRejected as error:
             if error.details.get("reason") != "structure" or self._structured == "none":
                 raise
-            log.warning(
-                "the server of model %r does not take %s (%s): it is asked in words only",
-                self.settings.alias,
-                self._structured,
-                error.details.get("upstream_message", ""),
-            )
-            self._structured = "none"
-            return await self.upstream.ask(dialects.call(self.settings, conversation, form, "none"))
+            said = error.details.get("upstream_message", "")
+        completion = await self.upstream.ask(dialects.call(self.settings, conversation, form, "none"))
+        alias = self.settings.alias
+        log.warning(
+            "the server of model %r takes no %s (%s): asked in words from now on", alias, self._structured, said
+        )
+        self._structured = "none"
+        return completion
 
     async def _fresh(self, picture: Picture) -> Picture:
         server = self.settings.server

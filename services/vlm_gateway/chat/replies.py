@@ -20,14 +20,15 @@ from services.vlm_gateway.errors import ModelOverloaded, ModelRejected, ModelTim
 
 Api = Literal["openai", "ollama"]
 
-_LOADING = re.compile(r"\b(?:loading|starting|warming)\b", re.IGNORECASE)
+_LOADING = {503: re.compile(r"\b(?:loading|starting|warming)\b", re.IGNORECASE)}
+_LOADING[500] = re.compile(r"\bloading (?:the )?model\b", re.IGNORECASE)
 _DECLINED = re.compile(
     r"content[_ ]?(?:filter|policy)|data_?inspection|moderation|flagged|safety (?:system|settings|filter)",
     re.IGNORECASE,
 )
 _STRUCTURE = re.compile(
-    r"response_format|json_schema|json_object|structured|guided|grammar|\bformat\b|\bschema\b|"
-    r"no endpoints found that (?:can handle|support)",
+    r"response_format|json_schema|json_object|structured_output|structured output|guided_|grammar|invalid format|"
+    r"\bschema\b|no endpoints found that (?:can handle|support)",
     re.IGNORECASE,
 )
 _TRACE = re.compile(r"\s*(?:File \"|Traceback \().*", re.DOTALL)  # some servers tell where on their disk it went wrong
@@ -81,7 +82,7 @@ class ReplyReader:
         if status in (408, 504):
             message = f"the server of model {self._alias!r} says it took too long ({status})"
             return ModelTimeout(message, details=details)
-        loading = status in (500, 503) and bool(_LOADING.search(said))
+        loading = status in _LOADING and bool(_LOADING[status].search(said))
         if status in (429, 503, 529) or loading:
             wait_s = retry_after_s(headers.get("Retry-After"))
             if wait_s is not None:

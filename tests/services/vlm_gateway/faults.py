@@ -30,6 +30,11 @@ class Fault(NamedTuple):
     outcome: str | None = None
     calls: int = 1
 
+    @property
+    def deadline_s(self) -> float:
+        """Short where it is going to pass, ample where it must not."""
+        return 1.0 if self.code == "model_timeout" else 15.0
+
 
 def whole(body: object) -> Behaviour:
     return sends(json.dumps(body).encode())
@@ -39,8 +44,8 @@ FAULTS = [
     Fault("upstream down", None, 503, "model_unreachable", "connect", calls=0),
     Fault("slow first byte", hangs(), 504, "model_timeout"),
     Fault("dripping", None, 504, "model_timeout", calls=0),
-    Fault("garbage instead of HTTP", None, 503, "model_unreachable", "connect", calls=0),
-    Fault("closed without a word", None, 503, "model_unreachable", "connect", calls=0),
+    Fault("garbage instead of HTTP", None, 503, "model_unreachable", "garbage", calls=0),
+    Fault("closed without a word", None, 503, "model_unreachable", "no_reply", calls=0),
     Fault("garbage instead of JSON", sends(b"\x00\xff\xfe{{{"), 503, "model_unreachable", "not_json"),
     Fault("HTML in a 200", sends(PAGE, kind="text/html"), 503, "model_unreachable", "not_json"),
     Fault("HTML in a 502", sends(PAGE, kind="text/html", status=502), 503, "model_unreachable", "status", calls=2),

@@ -19,7 +19,7 @@ from services.vlm_gateway.config import ChatModelConfig, chat_model
 from services.vlm_gateway.presets import families, servers
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import build, chat_backend, direction_body, find_body, floors_body, post
-from tests.services.vlm_gateway.quirky import QuirkyServer, Refusal, answers, running
+from tests.services.vlm_gateway.quirky import QuirkyServer, Refusal, answers, openai_error, running
 
 PRESETS = [
     "openai-compatible",
@@ -159,6 +159,26 @@ def test_each_server_s_errors_are_told_apart(serve: Serve, status: int, body: An
         answer = post(gateway(serve, server, "openai-compatible"), "/v1/floor-count", floors_body())
     assert (answer.status_code, answer.json()["error"]["code"]) == (code, word)
     assert "/srv" not in answer.text
+
+
+@pytest.mark.parametrize(
+    ("status", "said"), [(400, "unsupported image format"), (400, "the context is too long"), (404, "no such model")]
+)
+def test_a_refusal_that_is_not_about_the_dialect_leaves_the_dialect_alone(serve: Serve, status: int, said: str) -> None:
+    asked = 0
+
+    def refuses_once(words: str) -> str:
+        nonlocal asked
+        asked += 1
+        if asked == 1:
+            raise openai_error(status, said)
+        return answers(words)
+
+    with running("vllm", refuses_once) as server:
+        url = gateway(serve, server, "vllm")
+        assert post(url, "/v1/floor-count", floors_body()).json()["error"]["code"] == "model_rejected"
+        assert post(url, "/v1/floor-count", floors_body()).json()["floors"] == 3
+    assert "response_format" in server.asked[-1].body
 
 
 FILTERS = [

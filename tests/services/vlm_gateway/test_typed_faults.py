@@ -28,14 +28,14 @@ QUESTIONS: dict[str, dict[str, Any]] = {
 CONTENT = {"floor-count": "floors", "building-box": "box", "find-object": "found", "choose-direction": "label"}
 
 
-def gateway(serve: Serve, address: str, **changes: Any) -> str:
-    return serve(build({"m": chat_backend(None, base_url=address, timeout_s=1.0, **changes)}).app)
+def gateway(serve: Serve, address: str, deadline_s: float = 15.0) -> str:
+    return serve(build({"m": chat_backend(None, base_url=address, timeout_s=deadline_s)}).app)
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
 def test_a_fault_ends_in_its_typed_outcome(serve: Serve, mock: OpenAiMock, fault: Fault) -> None:
     with suffering(fault, mock) as address:
-        url = gateway(serve, address)
+        url = gateway(serve, address, fault.deadline_s)
         for path, body in QUESTIONS.items():
             mock.asked.clear()
             answer = post(url, "/v1/" + path, body)
