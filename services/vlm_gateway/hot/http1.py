@@ -93,7 +93,7 @@ class Pool:
     """Connections to one server, the most recently used first. Deadlines are of the event loop's clock."""
 
     def __init__(self, server: Server, *, connect_timeout_s: float = 3.0, idle_s: float = IDLE_S) -> None:
-        self._server = server
+        self.server = server
         self._connect_timeout_s = connect_timeout_s
         self._idle_s = idle_s
         self._idle: deque[_Connection] = deque()
@@ -110,20 +110,22 @@ class Pool:
 
     async def whole(self, request: Sequence[Buffer], deadline: float, max_bytes: int) -> Reply:
         """Send `request`, head and body, and wait for all of the reply. Raises BrokenReply."""
-        connection = await self._sent(request, deadline, max_bytes)
-        return Reply(connection.status, connection.headers, connection.taken())
+        reply = await self._sent(request, deadline, max_bytes)
+        assert isinstance(reply, Reply)
+        return reply
 
     async def stream(self, request: Sequence[Buffer], deadline: float) -> Stream:
         """Send `request` and wait for the reply's head. Raises BrokenReply."""
-        connection = await self._sent(request, deadline, None)
-        return Stream(connection, connection.status, connection.headers)
+        stream = await self._sent(request, deadline, None)
+        assert isinstance(stream, Stream)
+        return stream
 
     def close(self) -> None:
         self._closed = True
         for connection in list(self._live):
             connection.leave()
 
-    async def _sent(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> "_Connection":
+    async def _sent(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> Reply | Stream:
         if connection := self._unused():
             try:
                 return await connection.send(request, deadline, max_bytes)
@@ -148,7 +150,7 @@ class Pool:
     async def _connected(self, deadline: float) -> "_Connection":
         loop = asyncio.get_running_loop()
         limit = min(deadline, loop.time() + self._connect_timeout_s)
-        host, port, tls = self._server
+        host, port, tls = self.server
         try:
             async with asyncio.timeout_at(limit):
                 _, connection = await loop.create_connection(
@@ -185,8 +187,7 @@ class _Connection(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._parser = httptools.HttpResponseParser(self)
         self._max_bytes: int | None = None
-        self._waiter: asyncio.Future[None] | None = None
-        self._timer: asyncio.TimerHandle | None = None
+        self._waiter: asyncio.Future[Reply | None] | None = None
         self._broken: BrokenReply | None = None
         self._busy = False
         self._paused = False
@@ -206,15 +207,15 @@ class _Connection(asyncio.Protocol):
 
     # -- what the pool and the stream ask for
 
-    async def send(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> "_Connection":
-        """Until the whole reply has come, or without `max_bytes` its head. Raises BrokenReply."""
+    async def send(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> Reply | Stream:
+        """The whole reply, or without `max_bytes` a stream once its head has come. Raises BrokenReply."""
         assert self._transport is not None
         self._begin()
         self._busy = True
         self._max_bytes = max_bytes
         self._transport.writelines(request)
-        await self._wait(deadline)
-        return self
+        reply = await self._wait(deadline)
+        return Stream(self, self.status, self.headers) if reply is None else reply
 
     async def piece(self, deadline: float) -> bytes:
         while not self._pieces and not self._complete:
@@ -237,7 +238,7 @@ class _Connection(asyncio.Protocol):
         self._busy = False
         if self._complete and self._reusable and not self.is_closing():
             self.idle_since = self._loop.time()
-            self._loop.call_soon(self._return)
+            self._pool._back(self)
         else:
             self.leave()
 
@@ -250,26 +251,31 @@ class _Connection(asyncio.Protocol):
         if self._transport is not None:
             self._transport.abort()
 
-    async def _wait(self, deadline: float) -> None:
+    async def _wait(self, deadline: float) -> Reply | None:
+        """Until something has come: the whole reply where that was asked for."""
         if self._broken is not None:
             raise self._broken
-        self._waiter = self._loop.create_future()
-        self._timer = self._loop.call_at(deadline, self._late)
+        waiter: asyncio.Future[Reply | None] = self._loop.create_future()
+        self._waiter = waiter
+        timer = self._loop.call_at(deadline, self._late, waiter)
         try:
-            await self._waiter
+            return await waiter
         except BaseException:
-            self.leave()  # cancelled or broken: the rest of this exchange must not meet the next one
+            if self._waiter is waiter:
+                self.leave()  # cancelled or broken: the rest of this exchange must not meet the next one
             raise
         finally:
-            self._timer.cancel()
-            self._waiter = None
+            timer.cancel()
+            if self._waiter is waiter:  # after a whole reply somebody else may wait here already
+                self._waiter = None
 
-    def _wake(self) -> None:
+    def _wake(self, reply: Reply | None = None) -> None:
         if self._waiter is not None and not self._waiter.done():
-            self._waiter.set_result(None)
+            self._waiter.set_result(reply)
 
-    def _late(self) -> None:
-        self._fail(BrokenReply("late", "no reply in time"))
+    def _late(self, waiter: "asyncio.Future[Reply | None]") -> None:
+        if self._waiter is waiter and not waiter.done():
+            self._fail(BrokenReply("late", "no reply in time"))
 
     def _fail(self, broken: BrokenReply) -> None:
         self._broken = self._broken or broken
@@ -291,18 +297,17 @@ class _Connection(asyncio.Protocol):
             self._head_bytes += len(data)
         try:
             self._parser.feed_data(data)
-        except BrokenReply as broken:  # ours, raised in one of the callbacks below
-            self._fail(broken)
-        except httptools.HttpParserCallbackError as error:
-            cause = error.__context__
-            self._fail(cause if isinstance(cause, BrokenReply) else BrokenReply("garbage", "the reply is not HTTP"))
-        except (httptools.HttpParserError, httptools.HttpParserUpgrade):
+        except (httptools.HttpParserError, httptools.HttpParserUpgrade) as error:
+            ours = error.__context__  # what one of the callbacks below raised
             if self._complete:
-                self.leave()  # something behind a whole reply: that reply stands, the connection doesn't
+                self._reusable = False  # something behind a whole reply: that reply stands, the connection doesn't
+                self.leave()
             else:
-                self._fail(BrokenReply("garbage", "the reply is not HTTP"))
+                self._fail(ours if isinstance(ours, BrokenReply) else BrokenReply("garbage", "the reply is not HTTP"))
         else:
-            if not self._head_seen and self._head_bytes > MAX_HEAD_BYTES:
+            if self._complete and self._max_bytes is not None:
+                self.release()  # only now: all of these bytes were the reply's; a stream is released by its reader
+            elif not self._head_seen and self._head_bytes > MAX_HEAD_BYTES:
                 self._fail(BrokenReply("too_large", f"the reply's head is over {MAX_HEAD_BYTES} bytes"))
 
     def eof_received(self) -> bool:
@@ -314,12 +319,17 @@ class _Connection(asyncio.Protocol):
             return
         if self._until_end and self._head_seen and error is None:
             self._finish()
+            self._busy = False
         elif self._head_bytes == 0:
             self._fail(BrokenReply("no_reply", "the connection ended before a reply"))
         else:
             self._fail(BrokenReply("cut", "the reply broke off"))
 
     # -- what the parser tells
+
+    def on_message_begin(self) -> None:
+        if self._complete:
+            raise BrokenReply("garbage", "there is more than one reply")
 
     def on_header(self, name: bytes, value: bytes) -> None:
         if not self._head_seen:
@@ -368,11 +378,5 @@ class _Connection(asyncio.Protocol):
             and transport.get_write_buffer_size() == 0
             and not transport.is_closing()
         )
-        self._wake()
-        if self._max_bytes is not None:
-            self.release()  # a stream is released once its last piece was read
-
-    def _return(self) -> None:
-        # one turn later, so that bytes behind the reply's end are noticed before the connection is used again
-        if not self.is_closing() and not self._busy:
-            self._pool._back(self)
+        # the reply is handed over here: by the time its reader runs, the connection may serve somebody else
+        self._wake(None if self._max_bytes is None else Reply(self.status, self.headers, self.taken()))
