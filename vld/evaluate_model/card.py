@@ -59,12 +59,13 @@ def card(
 
 def _what(about: Mapping[str, Any]) -> str:
     size = about.get("megabytes")
-    words = (
+    if not isinstance(size, int | float):
+        return ""
+    return (
         "A small text-conditioned vision model that ships with the project: one network proposes where something is "
         "and where building, windows and floors are, a second names what stands there. Pixels and text in, nothing of "
-        "the scene. It runs on ONNX Runtime, one thread."
+        f"the scene. It runs on ONNX Runtime, one thread; {size:.1f} MB of weights.\n"
     )
-    return words + (f" {size:.1f} MB of weights.\n" if isinstance(size, int | float) else "\n")
 
 
 def _goals(scores: Scores, flown: Sequence[Run]) -> str:
@@ -180,7 +181,7 @@ from a cache.
 A claim is a match of at least the claim's confidence ({threshold}); a candidate one of at least
 {s.candidate_confidence:g}. A claim is right when its middle lies in the box of such a thing, grown by a quarter. A
 task's claim is the first one in the order lap, far, near; in flight a candidate is looked at again from nearer before
-anything is claimed. Thresholds and calibration come from seeds 90,000-99,999. Intervals are Wilson's, 95 %.
+anything is claimed. No threshold and no calibration is chosen on these streets. Intervals are Wilson's, 95 %.
 """
 
 

@@ -80,7 +80,7 @@ def draw_mistakes(tiles: Sequence[Tile], path: Path) -> None:
     from matplotlib.figure import Figure
 
     rows = max(1, math.ceil(len(tiles) / _COLUMNS))
-    figure = Figure(figsize=(11, 3.3 * rows), dpi=100, layout="constrained", facecolor="white")
+    figure = Figure(figsize=(11, 3.35 * rows), dpi=100, layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
     for number, axes in enumerate(figure.subplots(rows, _COLUMNS, squeeze=False).ravel()):
         axes.axis("off")
@@ -88,7 +88,16 @@ def draw_mistakes(tiles: Sequence[Tile], path: Path) -> None:
             tile = tiles[number]
             axes.imshow(_cut(tile))
             axes.set_title(f"{number + 1}. {tile.title}", fontsize=9.5, color=INK)
-            axes.text(0.5, -0.03, tile.note, transform=axes.transAxes, ha="center", va="top", fontsize=8.5, color=INK)
+            axes.text(
+                0.5,
+                -0.03,
+                tile.note.replace("; ", "\n", 1),
+                transform=axes.transAxes,
+                ha="center",
+                va="top",
+                fontsize=8.5,
+                color=INK,
+            )
     figure.savefig(path)
 
 
