@@ -55,29 +55,29 @@ class Album:
     limit_bytes: int = DEFAULT_BYTES
     used_bytes: int = 0
     left_out: int = 0
+    _heaviness: float = 1.0
 
     def picture(self, path: Path, caption: str) -> Picture | None:
         """Null where the file is gone, is no picture, or the page is full."""
-        edge_px = edge_for(self.planned, self.limit_bytes - self.used_bytes)
+        edge_px = edge_for(self.planned, (self.limit_bytes - self.used_bytes) / self._heaviness)
         self.planned -= 1
         image = _read(path, edge_px)
         if image is None:
             return None
-        height, width = image.shape[:2]
-        scale = min(1.0, edge_px / max(height, width))
-        small = cv2.resize(
-            image, (max(1, round(width * scale)), max(1, round(height * scale))), interpolation=cv2.INTER_AREA
-        )
-        done, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-        coded = base64.b64encode(jpeg.tobytes()).decode("ascii") if done else ""
+        coded = _coded(image, edge_px)
+        if self.used_bytes + len(coded) > self.limit_bytes:
+            coded = _coded(image, NARROWEST_PX)
         if not coded or self.used_bytes + len(coded) > self.limit_bytes:
             self.left_out += 1
             return None
         self.used_bytes += len(coded)
+        # what these pictures take, beside what a street's picture took when it was measured
+        usual = _BYTES_AT_WIDEST * math.pow(edge_px / WIDEST_PX, _GROWTH)
+        self._heaviness += 0.3 * (max(0.5, len(coded) / usual) - self._heaviness)
         return Picture(f"data:image/jpeg;base64,{coded}", caption)
 
 
-def edge_for(pictures: int, limit_bytes: int = DEFAULT_BYTES) -> int:
+def edge_for(pictures: int, limit_bytes: float = DEFAULT_BYTES) -> int:
     """How wide each of so many pictures may be, so that all of them find room."""
     share = max(0, limit_bytes) / max(1, pictures) / _BYTES_AT_WIDEST
     return max(NARROWEST_PX, min(WIDEST_PX, round(WIDEST_PX * math.pow(share, 1 / _GROWTH))))
@@ -93,6 +93,16 @@ def most_telling(shown: Sequence[Sequence[Shown]], limit_bytes: int = DEFAULT_BY
         best = sorted(range(len(each)), key=lambda at: each[at].rank)[:most]
         kept.append([each[at] for at in sorted(best)])
     return kept
+
+
+def _coded(image: NDArray[np.uint8], edge_px: int) -> str:
+    """As JPEG in base64, at most `edge_px` wide and high; empty where it can't be encoded."""
+    height, width = image.shape[:2]
+    scale = min(1.0, edge_px / max(height, width))
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    done, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return base64.b64encode(jpeg.tobytes()).decode("ascii") if done else ""
 
 
 def _read(path: Path, edge_px: int) -> NDArray[np.uint8] | None:

@@ -46,7 +46,7 @@ def results(folder: Path) -> list[Name]:
     return [json.loads(line)["task"] for line in lines if line.endswith("}")]
 
 
-def wait_for(what: Callable[[], bool], limit_s: float = 120.0) -> None:
+def wait_for(what: Callable[[], bool], limit_s: float = 280.0) -> None:
     give_up = time.monotonic() + limit_s
     while not what():
         assert time.monotonic() < give_up, "waited too long"
