@@ -12,6 +12,9 @@ from services.vlm_gateway.chat.replies import tokens_of
 from services.vlm_gateway.errors import ModelUnreachable
 
 _ENDS = (b"\ndata: [DONE]", b"\ndata:[DONE]")
+_TOLD_WHY = re.compile(rb'"finish_reason"\s*:\s*"[^\n]*\n\r?\n')
+"""An event, whole, that says why the answer is over: `transformers serve` sends it and no [DONE]. Where a body says how
+long it is, one that was cut is an error all the same."""
 _TAIL_BYTES = 2048
 _SPOILT = re.compile(rb'"finish_reason"\s*:\s*"(?!stop"|tool_calls"|function_call")|\ndata:\s*\{"error"')
 MAX_SHARED_BYTES = 8 * 1024 * 1024
@@ -32,7 +35,9 @@ class Kept:
 
     def add(self, piece: bytes) -> None:
         self._tail = (self._tail + piece)[-_TAIL_BYTES:]
-        self.finished = self.finished or any(end in self._tail for end in _ENDS)
+        self.finished = (
+            self.finished or any(end in self._tail for end in _ENDS) or _TOLD_WHY.search(self._tail) is not None
+        )
         self._events += piece.count(b"\n\n")
         self.size += len(piece)
         if self.size > MAX_VALUE_BYTES:

@@ -19,6 +19,7 @@ from services.vlm_gateway.config import ChatModelConfig, chat_model
 from services.vlm_gateway.presets import families, servers
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import build, chat_backend, direction_body, find_body, floors_body, post
+from tests.services.vlm_gateway.openai_mock import OpenAiMock, sends
 from tests.services.vlm_gateway.quirky import QuirkyServer, Refusal, answers, openai_error, running
 
 PRESETS = [
@@ -159,6 +160,28 @@ def test_each_server_s_errors_are_told_apart(serve: Serve, status: int, body: An
         answer = post(gateway(serve, server, "openai-compatible"), "/v1/floor-count", floors_body())
     assert (answer.status_code, answer.json()["error"]["code"]) == (code, word)
     assert "/srv" not in answer.text
+
+
+def chunk(**choice: object) -> bytes:
+    event = {"object": "chat.completion.chunk", "choices": [{"index": 0, "delta": {}, **choice}]}
+    return b"data: " + json.dumps(event).encode() + b"\n\n"
+
+
+@pytest.mark.parametrize(
+    ("last", "whole"),
+    [
+        (chunk(finish_reason="stop"), True),  # transformers serve, which sends no [DONE]
+        (chunk(finish_reason="stop") + b"data: [DONE]\n\n", True),
+        (chunk(finish_reason="stop")[:-3], False),
+        (chunk(finish_reason=None), False),
+        (chunk(delta={"content": '"finish_reason": "stop"'}), False),
+    ],
+)
+def test_a_stream_is_whole_when_it_says_why_it_ends(serve: Serve, mock: OpenAiMock, last: bytes, whole: bool) -> None:
+    mock.will(sends(chunk(delta={"content": "hi"}) + last, kind="text/event-stream"))
+    url = serve(build({"m": chat_backend(mock)}).app)
+    chat = {"model": "m", "stream": True, "messages": [{"role": "user", "content": "hello"}]}
+    assert ("model_unreachable" in post(url, "/v1/chat/completions", chat).text) is not whole
 
 
 @pytest.mark.parametrize(
