@@ -29,6 +29,9 @@ class Settings(NamedTuple):
     lean_over_m: float = 0.5
 
 
+_NEARER_M = 0.5
+
+
 def stand_off_m(depth_m: Depth, settings: Settings) -> float | None:
     """Distance to the facade straight ahead: the median planar depth in the middle of the front view.
 
@@ -72,6 +75,20 @@ def facade_top_m(depth_m: Depth, stand_off: float, camera_height_m: float, setti
     if not (profile[:top] > stand_off + settings.recess_m).any():
         return None
     return max(0.0, camera_height_m + float(profile[top]) * (height / 2.0 - top) / focal_px)
+
+
+def wall_at_row_m(depth_m: Depth, row: float, stand_off: float, settings: Settings) -> float:
+    """How far the facade is at a row of the front view (0..1 from the top), planar: the median of the middle columns
+    there. The stand-off itself where they show something nearer, such as a balcony, or farther than the allowed
+    recess: over a low building the middle of the picture looks at the houses behind it."""
+    height, width = depth_m.shape
+    at = min(height - 1, max(0, round(row * height)))
+    strip = depth_m[max(0, at - 2) : at + 3, _middle(width, settings.centre_share)]
+    returns = strip[np.isfinite(strip)]
+    if not len(returns):
+        return stand_off
+    found = float(np.median(returns))
+    return found if stand_off - _NEARER_M <= found <= stand_off + settings.recess_m else stand_off
 
 
 def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:

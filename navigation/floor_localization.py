@@ -134,14 +134,16 @@ def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings:
 
     Eq. 3 stretches the floors over everything upright: the gable above the topmost floor counts as a part of it. A
     window row that lies more than `row_trust_floors` of the rows' own spacing away from eq. 3's height is believed
-    instead. Unchanged where the rows are not the counted floors or too few to tell a floor's height from.
+    instead, unless it is a whole floor off: then the rows are no better. Unchanged where the rows are not the counted
+    floors or too few to tell a floor's height from.
     """
     at = round(final.floors_counted) - target_floor  # rows begin at the topmost floor of this picture
     if settings.reading != "upper_edge" or len(seen.rows) < 2 or not 0 <= at < len(seen.rows):
         return final
     heights = [row_height_m(row, seen.camera_m, seen.stand_off_m, seen.vertical_fov_rad) for row in seen.rows]
     floor_height = (heights[0] - heights[-1]) / (len(heights) - 1)
-    if floor_height <= 0.0 or abs(heights[at] - final.height_m) <= settings.row_trust_floors * floor_height:
+    off = abs(heights[at] - final.height_m)
+    if floor_height <= 0.0 or not settings.row_trust_floors * floor_height < off < final.floor_height_m:
         return final
     return FinalHeight(max(settings.min_height_m, heights[at]), floor_height, final.floors_counted)
 

@@ -106,8 +106,10 @@ def _held_against_rows(sortie: Sortie, final: FinalHeight, sight: Sight, count: 
     """Where the model says at which heights of the picture it saw its floors, they have the last word."""
     if count.answer.rows is None or len(count.answer.rows) != count.floors:
         return final
-    now = facade.stand_off_m(sight.depth_m, FACADE) or stand_off
-    seen = WindowRows(count.answer.rows, sight.pose.z, now, VERTICAL_FOV_RAD)
+    at = round(final.floors_counted) - (sortie.floor or 1)
+    row = count.answer.rows[at] if 0 <= at < len(count.answer.rows) else 0.5
+    wall_m = facade.wall_at_row_m(sight.depth_m, row, stand_off, FACADE)
+    seen = WindowRows(count.answer.rows, sight.pose.z, wall_m, VERTICAL_FOV_RAD)
     return corrected(final, sortie.floor or 1, seen, _eq3(sortie))
 
 

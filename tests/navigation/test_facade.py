@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from navigation.camera import Depth, Pose, pinhole
-from navigation.facade import Settings, facade_top_m, stand_off_m
+from navigation.facade import Settings, facade_top_m, stand_off_m, wall_at_row_m
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 USUAL = Settings()
@@ -81,3 +81,14 @@ def test_a_roof_below_the_picture_gives_the_pictures_lower_edge() -> None:
 
 def test_a_picture_that_is_mostly_invalid_says_nothing() -> None:
     assert _top(np.full((200, 200), np.nan, np.float32)) is None
+
+
+def test_the_wall_at_a_row_is_measured_there_and_the_stand_off_stands_in_for_what_is_no_wall() -> None:
+    depth = np.full((100, 100), 60.0, np.float32)  # houses far behind, over the roof
+    depth[60:80] = 10.5
+    depth[80:] = 8.0  # a balcony
+    settings = Settings()
+    assert wall_at_row_m(depth, 0.70, 10.0, settings) == pytest.approx(10.5)
+    assert wall_at_row_m(depth, 0.30, 10.0, settings) == 10.0
+    assert wall_at_row_m(depth, 0.90, 10.0, settings) == 10.0
+    assert wall_at_row_m(np.full((100, 100), np.inf, np.float32), 0.5, 10.0, settings) == 10.0

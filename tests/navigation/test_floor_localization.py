@@ -191,8 +191,8 @@ def test_a_gable_over_the_topmost_floor_does_not_lift_the_height_above_its_windo
 
 @pytest.mark.parametrize(
     ("rows", "target"),
-    [((0.3, 0.45, 0.6), 5), ((0.4,), 3), ((), 3), ((0.60, 0.76, 0.91), 3)],
-    ids=["floor not in the picture", "one row", "no rows", "rows that agree"],
+    [((0.3, 0.45, 0.6), 5), ((0.4,), 3), ((), 3), ((0.60, 0.76, 0.91), 3), ((0.10, 0.26, 0.41), 3)],
+    ids=["floor not in the picture", "one row", "no rows", "rows that agree", "rows floors away"],
 )
 def test_rows_that_tell_nothing_new_leave_eq3_alone(rows: tuple[float, ...], target: int) -> None:
     final = FinalHeight(7.4, 3.0, 3)
