@@ -88,7 +88,8 @@ def _verdict(rate: Rate, goal: Goal) -> str:
         return "not measured"
     met = rate.rate <= goal.share if goal.at_most else rate.rate >= goal.share
     sure = (rate.high <= goal.share if goal.at_most else rate.low >= goal.share) == met
-    return f"{'met' if met else 'missed'}{'' if sure else ', within the interval'}"
+    doubt = ", but the interval reaches beyond" if met else ", but the interval reaches it"
+    return ("met" if met else "missed") + ("" if sure else doubt)
 
 
 def _objects(scores: Scores) -> str:
