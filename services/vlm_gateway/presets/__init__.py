@@ -62,7 +62,8 @@ class Server(Wire):
     for: `json_schema` and `json_object` as OpenAI's `response_format`; `json_object_schema` is llama-cpp-python's, a
     JSON object with its schema beside it; `guided_json` and `structured_outputs` are vLLM's own fields, before and
     since 0.12; `grammar` is llama.cpp's GBNF; `format` Ollama's; `none` asks in words only. Whatever a server promises,
-    every answer is checked here. `max_tokens_field` is what it calls the limit of the answer's length. `max_image_bytes` and `max_image_side` (pixels) bound one picture; larger ones are scaled
+    every answer is checked here. `max_tokens_field` is what it calls the limit of the answer's length.
+    `max_image_bytes` and `max_image_side` (pixels) bound one picture; larger ones are scaled
     down before they are sent. `extra` is sent with every typed question.
     """
 
