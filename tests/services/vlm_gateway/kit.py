@@ -56,7 +56,8 @@ def direction_body(labels: str = "abcde", **more: Any) -> dict[str, Any]:
 
 
 def chat_settings(mock: OpenAiMock | None, **changes: Any) -> ChatModel:
-    """A chat model at the mock, of the preset `gpt-4o` unless changed; without a mock, at a port nobody listens on."""
+    """A chat model at the mock, called `m` and of the preset `gpt-4o` unless changed;
+    without a mock, at a port nobody listens on."""
     values: dict[str, Any] = {
         "backend": "chat",
         "base_url": mock.url if mock else f"http://127.0.0.1:{closed_port()}/v1",
@@ -64,7 +65,8 @@ def chat_settings(mock: OpenAiMock | None, **changes: Any) -> ChatModel:
         "preset": "gpt-4o",
         "timeout_s": 5.0,
     }
-    return chat_model("m", ChatModelConfig.model_validate(values | changes), "test.toml")
+    alias = str(changes.pop("alias", "m"))
+    return chat_model(alias, ChatModelConfig.model_validate(values | changes), "test.toml")
 
 
 def chat_backend(mock: OpenAiMock | None, *, key: str | None = None, **changes: Any) -> ChatBackend:
