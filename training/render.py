@@ -64,8 +64,9 @@ class Studio:
         jpegs, labels = [], []
         try:
             for look in views:
-                rgb = self._gl.render(uploaded, look.pose, (look.heading_deg,), SIZE_PX).rgb[0]
-                ids = self._gl.render_ids(uploaded, look.pose, (look.heading_deg,), SIZE_PX)[0]
+                seen = self._gl.render(uploaded, look.pose, (look.heading_deg,), SIZE_PX, labelled=True)
+                assert seen.ids is not None
+                rgb, ids = seen.rgb[0], seen.ids[0]
                 quality = 90 if plain else int(rng.integers(*_QUALITY))
                 done, jpeg = cv2.imencode(
                     ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
