@@ -86,7 +86,7 @@ bench-model: setup  ## the embedded model's CPU time for five views against the 
 	@$(BIN)/python -m tests.load.bench_model
 
 bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
-	@$(BIN)/python -m tests.load.bench_gateway
+	@$(BIN)/python -m tests.load.bench_gateway $(ARGS)
 
 train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=3000]
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python

@@ -203,8 +203,8 @@ def process(
 
 
 @contextmanager
-def mock_server(core: int) -> Iterator[str]:
-    command = ["taskset", "-c", str(core), sys.executable, "-m", "tests.load.chat_mock", "0"]
+def mock_server(core: int, after_ms: float = 0.0) -> Iterator[str]:
+    command = ["taskset", "-c", str(core), sys.executable, "-m", "tests.load.chat_mock", "0", str(after_ms)]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, cwd=ROOT)
     assert child.stdout is not None
     try:

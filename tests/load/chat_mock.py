@@ -1,6 +1,7 @@
-"""`python -m tests.load.chat_mock PORT`: a model server that costs next to nothing, to measure what is in front.
+"""`python -m tests.load.chat_mock PORT [MS]`: a model server that costs next to nothing, to measure what is in front.
 
-Answers every POST at once with the same completion, and `GET /stats` with how many there were. Prints its port.
+Answers every POST with the same completion, at once or after MS milliseconds, and `GET /stats` with how many there
+were. Prints its port.
 """
 
 import asyncio
@@ -31,6 +32,7 @@ class Mock(asyncio.Protocol):
     """One connection; bodies are counted, not kept."""
 
     answered = 0
+    after_s = 0.0
 
     def __init__(self) -> None:
         self._head = b""
@@ -61,7 +63,10 @@ class Mock(asyncio.Protocol):
 
     def _answer(self) -> None:
         Mock.answered += 1
-        self._transport.write(REPLY)
+        if self.after_s:
+            asyncio.get_running_loop().call_later(self.after_s, self._transport.write, REPLY)
+        else:
+            self._transport.write(REPLY)
 
 
 async def main(port: int) -> None:
@@ -72,4 +77,5 @@ async def main(port: int) -> None:
 
 
 if __name__ == "__main__":
+    Mock.after_s = float(sys.argv[2]) / 1000 if len(sys.argv) > 2 else 0.0
     uvloop.run(main(int(sys.argv[1])))

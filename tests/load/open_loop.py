@@ -22,6 +22,17 @@ class Call(NamedTuple):
     body: bytes | None = None
 
 
+class Sent(NamedTuple):
+    """What became of one request: its status (0 where no answer came) and the time since it was due."""
+
+    status: int
+    latency_s: float
+
+    @property
+    def good(self) -> bool:
+        return 200 <= self.status < 300
+
+
 class Load(NamedTuple):
     """What a run measured: milliseconds, requests per second, how many did not end in 2xx."""
 
@@ -40,36 +51,44 @@ async def alone(session: aiohttp.ClientSession, call: Callable[[int], Call], cou
     started = time.perf_counter()
     for i in range(count):
         before = time.perf_counter()
-        failed += not await _send(session, call(i))
+        failed += not 200 <= await _send(session, call(i)) < 300
         latencies.append(time.perf_counter() - before)
     return _summary(0.0, latencies, failed, time.perf_counter() - started)
 
 
 async def open_loop(session: aiohttp.ClientSession, call: Callable[[int], Call], rate_per_s: float, count: int) -> Load:
     """`count` requests at `rate_per_s`, evenly spaced."""
-    latencies = [0.0] * count
-    failures = [0] * count
+    started = time.perf_counter()
+    sent = await paced(session, call, rate_per_s, count)
+    wall_s = time.perf_counter() - started
+    return _summary(rate_per_s, [one.latency_s for one in sent], sum(not one.good for one in sent), wall_s)
+
+
+async def paced(
+    session: aiohttp.ClientSession, call: Callable[[int], Call], rate_per_s: float, count: int
+) -> list[Sent]:
+    """The same, every request told apart."""
     started = time.perf_counter() + 0.05
 
-    async def one(i: int) -> None:
+    async def one(i: int) -> Sent:
         due = started + i / rate_per_s
         await asyncio.sleep(max(0.0, due - time.perf_counter()))
-        failures[i] = not await _send(session, call(i))
-        latencies[i] = time.perf_counter() - due
+        status = await _send(session, call(i))
+        return Sent(status, time.perf_counter() - due)
 
-    await asyncio.gather(*(one(i) for i in range(count)))
-    return _summary(rate_per_s, latencies, sum(failures), time.perf_counter() - started)
+    return await asyncio.gather(*(one(i) for i in range(count)))
 
 
-async def _send(session: aiohttp.ClientSession, call: Call) -> bool:
+async def _send(session: aiohttp.ClientSession, call: Call) -> int:
+    """The answer's status, 0 where none came."""
     headers = {"Content-Type": "application/json"} if call.body is not None else {}
     limit = aiohttp.ClientTimeout(total=TIMEOUT_S)
     try:
         async with session.request(call.method, call.url, data=call.body, headers=headers, timeout=limit) as response:
             await response.read()
-            return 200 <= response.status < 300
+            return response.status
     except (aiohttp.ClientError, TimeoutError, OSError):
-        return False
+        return 0
 
 
 def _summary(offered: float, latencies_s: list[float], failed: int, wall_s: float) -> Load:

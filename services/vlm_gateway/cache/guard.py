@@ -9,6 +9,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable
+from itertools import islice
 from typing import Literal
 
 from services.vlm_gateway.breaker import Breaker
@@ -19,6 +20,7 @@ log = logging.getLogger(__name__)
 Mode = Literal["on", "off", "replay"]
 PROBE_EVERY_S = 0.5
 MAX_PENDING = 512
+WRITTEN_TOGETHER = 64
 MAX_VALUE_BYTES = 1024 * 1024
 
 Failed = Callable[[str, str], None]
@@ -108,10 +110,11 @@ class GuardedCache:
             await self._work.wait()
             self._work.clear()
             while self._pending:
-                key, value = next(iter(self._pending.items()))
-                await self._write_one(key, value)
-                if self._pending.get(key) is value:
-                    del self._pending[key]
+                batch = list(islice(self._pending.items(), WRITTEN_TOGETHER))
+                await asyncio.gather(*(self._write_one(key, value) for key, value in batch))
+                for key, value in batch:
+                    if self._pending.get(key) is value:
+                        del self._pending[key]
             self._idle.set()
 
     async def _write_one(self, key: str, value: bytes) -> None:

@@ -159,14 +159,22 @@ class RedisCache:
         return CacheDown(f"{self._shown} can't be used ({word})")
 
 
+class _Asked(NamedTuple):
+    """A command under way; `due` is of the event loop's clock."""
+
+    reply: "asyncio.Future[Value]"
+    due: float
+    timeout_s: float
+
+
 class _Line(asyncio.Protocol):
     """One connection: commands go out together once a turn of the event loop, replies come back in their order."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport | None = None
-        self._waiting: deque[asyncio.Future[Value]] = deque()
-        self._timers: deque[asyncio.TimerHandle] = deque()
+        self._waiting: deque[_Asked] = deque()
+        self._timer: asyncio.TimerHandle | None = None
         self._unsent: list[bytes] = []
         self._replies = Replies()
         self.closed = False
@@ -180,8 +188,9 @@ class _Line(asyncio.Protocol):
         if not self._unsent:
             self._loop.call_soon(self._send)
         self._unsent.append(words)
-        self._waiting.append(reply)
-        self._timers.append(self._loop.call_later(timeout_s, self._overdue, reply, timeout_s, 2))
+        self._waiting.append(_Asked(reply, self._loop.time() + timeout_s, timeout_s))
+        if self._timer is None:
+            self._timer = self._loop.call_later(timeout_s, self._look)
         return reply
 
     def lost(self, why: Exception) -> None:
@@ -189,11 +198,11 @@ class _Line(asyncio.Protocol):
         self.closed = True
         if self._transport is not None:
             self._transport.abort()
-        for timer in self._timers:
-            timer.cancel()
-        self._timers.clear()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
         while self._waiting:
-            reply = self._waiting.popleft()
+            reply = self._waiting.popleft().reply
             if not reply.done():
                 reply.set_exception(why)
                 reply.exception()  # whoever asked may have left
@@ -214,8 +223,7 @@ class _Line(asyncio.Protocol):
             if not self._waiting:
                 self.lost(ConnectionError("is no Redis"))
                 return
-            self._timers.popleft().cancel()
-            reply = self._waiting.popleft()
+            reply = self._waiting.popleft().reply
             if not reply.done():
                 reply.set_result(value)
 
@@ -224,14 +232,20 @@ class _Line(asyncio.Protocol):
         if not self.closed and self._transport is not None:
             self._transport.writelines(unsent)
 
-    def _overdue(self, reply: "asyncio.Future[Value]", timeout_s: float, looks: int) -> None:
-        """Too late, unless it was this process that was late: replies that lie on the socket are read first."""
-        if reply.done() or self.closed:
+    def _look(self, overdue: "asyncio.Future[Value] | None" = None, looks: int = 0) -> None:
+        """Whether the reply that is waited for longest is late; one timer serves all. This process may be the one that
+        was late, so replies that lie on the socket are read first."""
+        self._timer = None
+        if not self._waiting or self.closed:
             return
-        if looks:
-            self._loop.call_later(0.001, self._overdue, reply, timeout_s, looks - 1)
+        first = self._waiting[0]
+        if (left_s := first.due - self._loop.time()) > 0:
+            self._timer = self._loop.call_later(left_s, self._look)
+        elif first.reply is not overdue or looks < 2:
+            looks = looks + 1 if first.reply is overdue else 1
+            self._timer = self._loop.call_later(0.001, self._look, first.reply, looks)
         else:
-            self.lost(ConnectionError(f"does not answer within {timeout_s * 1000:g} ms"))
+            self.lost(ConnectionError(f"does not answer within {first.timeout_s * 1000:g} ms"))
 
 
 def _place(url: str, shown: str) -> _Place:

@@ -188,6 +188,8 @@ class _Connection(asyncio.Protocol):
         self._parser = httptools.HttpResponseParser(self)
         self._max_bytes: int | None = None
         self._waiter: asyncio.Future[Reply | None] | None = None
+        self._due = 0.0
+        self._timer: asyncio.TimerHandle | None = None
         self._broken: BrokenReply | None = None
         self._busy = False
         self._paused = False
@@ -248,6 +250,7 @@ class _Connection(asyncio.Protocol):
     def leave(self) -> None:
         """Close at once, whatever is under way."""
         self._pool._left(self)
+        self._forget()
         if self._transport is not None:
             self._transport.abort()
 
@@ -257,7 +260,9 @@ class _Connection(asyncio.Protocol):
             raise self._broken
         waiter: asyncio.Future[Reply | None] = self._loop.create_future()
         self._waiter = waiter
-        timer = self._loop.call_at(deadline, self._late, waiter)
+        self._due = deadline
+        if self._timer is None or self._timer.when() > deadline:
+            self._remind(deadline)
         try:
             return await waiter
         except BaseException:
@@ -265,7 +270,6 @@ class _Connection(asyncio.Protocol):
                 self.leave()  # cancelled or broken: the rest of this exchange must not meet the next one
             raise
         finally:
-            timer.cancel()
             if self._waiter is waiter:  # after a whole reply somebody else may wait here already
                 self._waiter = None
 
@@ -273,8 +277,25 @@ class _Connection(asyncio.Protocol):
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(reply)
 
-    def _late(self, waiter: "asyncio.Future[Reply | None]") -> None:
-        if self._waiter is waiter and not waiter.done():
+    def _forget(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _remind(self, at: float) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._loop.call_at(at, self._look)
+
+    def _look(self) -> None:
+        """Whether what is waited for is late. The timer outlives the exchange it was set for: most are over long before
+        their deadline, and timers are dear."""
+        self._timer = None
+        if self._waiter is None or self._waiter.done():
+            return
+        if self._loop.time() < self._due:
+            self._remind(self._due)
+        else:
             self._fail(BrokenReply("late", "no reply in time"))
 
     def _fail(self, broken: BrokenReply) -> None:
@@ -315,6 +336,7 @@ class _Connection(asyncio.Protocol):
 
     def connection_lost(self, error: Exception | None) -> None:
         self._pool._left(self)
+        self._forget()
         if not self._busy or self._complete:
             return
         if self._until_end and self._head_seen and error is None:

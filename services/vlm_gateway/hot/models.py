@@ -91,13 +91,8 @@ class Models:
             tokens = answer.said.tokens
             self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, tokens)
             self._metrics.spent(target.alias, tokens)
-            if (
-                errand.digest
-                and self._cache is not None
-                and target is errand.targets[0]
-                and _worth_keeping(answer.said)
-            ):
-                self._cache.put(errand.digest, Stored(target.alias, False, answer.body).written())
+            if _worth_keeping(answer.said):
+                self._keep(errand, target, Stored(target.alias, False, answer.body))
             return Answered(target.alias, answer.body)
         raise AssertionError("there is at least one target")
 
@@ -125,14 +120,8 @@ class Models:
             self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, tokens)
             self._metrics.spent(target.alias, tokens)
             whole = kept.whole
-            if (
-                errand.digest
-                and self._cache is not None
-                and target is errand.targets[0]
-                and whole is not None
-                and kept.clean
-            ):
-                self._cache.put(errand.digest, Stored(target.alias, True, whole).written())
+            if whole is not None and kept.clean:
+                self._keep(errand, target, Stored(target.alias, True, whole))
             return
 
     def _keep(self, errand: Errand, target: Upstream, answer: Stored) -> None:

@@ -21,36 +21,52 @@ class Watch:
         self._task = task
         self._receive = receive
         self._loop = asyncio.get_running_loop()
-        self._timer: asyncio.TimerHandle | None = None
-        self._patience: asyncio.TimerHandle | None = None
+        self._due: float | None = None
+        self._reason: Callable[[], ServiceError] = slow_body
+        self._body_read = False
         self._watcher: asyncio.Task[None] | None = None
         self.why: ServiceError | None = None
+        # one timer for all that is watched: most requests are over before it rings, and timers are dear
+        self._timer = self._loop.call_later(PATIENCE_S, self._look)
 
     def limit(self, after_s: float, why: Callable[[], ServiceError]) -> None:
         """End the work after so long; this replaces an earlier limit."""
-        self.unlimited()
-        self._timer = self._loop.call_later(after_s, self._end, why)
+        self._due, self._reason = self._loop.time() + after_s, why
+        if not self._loop.time() <= self._timer.when() <= self._due:
+            self._ring(self._due)
 
     def unlimited(self) -> None:
         """Take the limit away."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._due = None
 
     def caller(self) -> None:
         """From now on (or rather, a moment later) end the work when the caller leaves. The request's body must have
         been read."""
-        self._patience = self._loop.call_later(PATIENCE_S, self._begin)
+        self._body_read = True
+        now = self._loop.time()
+        if not now <= self._timer.when() <= now + PATIENCE_S:
+            self._ring(now + PATIENCE_S)
 
     def close(self) -> None:
-        for timer in (self._timer, self._patience):
-            if timer is not None:
-                timer.cancel()
+        self._timer.cancel()
         if self._watcher is not None:
             self._watcher.cancel()
 
-    def _begin(self) -> None:
-        self._watcher = self._loop.create_task(self._gone())
+    def _ring(self, at: float) -> None:
+        self._timer.cancel()
+        self._timer = self._loop.call_at(at, self._look)
+
+    def _look(self) -> None:
+        now = self._loop.time()
+        if self._due is not None and now >= self._due:
+            self._end(self._reason)
+            return
+        if self._body_read and self._watcher is None:
+            self._watcher = self._loop.create_task(self._gone())
+        if self._due is not None:
+            self._ring(self._due)
+        elif not self._body_read:
+            self._ring(now + PATIENCE_S)
 
     async def _gone(self) -> None:
         while (await self._receive())["type"] != "http.disconnect":

@@ -43,7 +43,8 @@ def test_nobody_there_is_told_as_unreachable(serve: Serve) -> None:
     for _ in range(8):
         seen = ask(url, chat())
         assert (seen.status, seen.word) == (503, "model_unreachable")
-    assert httpx.get(url + "/v1/status").json()["models"]["m"]["breaker"] == "open"
+    # its pause may be over by now, and then it is half open
+    assert httpx.get(url + "/v1/status").json()["models"]["m"]["breaker"] != "closed"
 
 
 @pytest.mark.parametrize("offset", offsets())
