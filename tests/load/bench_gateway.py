@@ -344,9 +344,9 @@ def show(result: Result, workloads: str) -> None:
             )
         table.add_section()
     console.print(table)
-    for peer in result.peers:
-        if peer.start_s is not None:
-            console.print(f"{peer.name}: {peer.idle_mb:.0f} MB idle, started in {peer.start_s:.2f} s")
+    for one in result.peers:
+        if one.start_s is not None:
+            console.print(f"{one.name}: {one.idle_mb:.0f} MB idle, started in {one.start_s:.2f} s")
     elsewhere = statistics.median(cell.elsewhere for cell in result.cells)
     console.print(f"used by others meanwhile: {elsewhere:.2f} cores of {os.cpu_count()}")
 

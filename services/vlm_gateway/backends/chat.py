@@ -115,9 +115,14 @@ class ChatBackend:
             "box_order": self._boxes.order,
             "box_key": self._boxes.key,
             "image_factor": self._boxes.factor,
+            "concurrency": self.settings.config.concurrency,
+            "queue": self.settings.config.queue,
             "running": upstream.admission.running,
             "waiting": upstream.admission.waiting,
             "breaker": upstream.breaker.state,
+            "retries": self.settings.config.retries,
+            "retry_budget": round(upstream.budget.left, 1),
+            "fallbacks": list(upstream.fallbacks),
         }
 
     async def close(self) -> None:

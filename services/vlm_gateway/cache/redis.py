@@ -37,7 +37,7 @@ class _Place(NamedTuple):
 
 
 class RedisCache:
-    """`timeout_s` bounds every operation as a whole, connecting included. `ttl_s` 0 keeps answers for ever; their
+    """`timeout_s` bounds every reply, and making the connection as well. `ttl_s` 0 keeps answers for ever; their
     times are spread by up to a tenth, so that a recorded run does not expire in one moment. How much is held is
     bounded by the server's `maxmemory`."""
 

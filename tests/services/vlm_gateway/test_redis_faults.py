@@ -70,7 +70,7 @@ def test_stopped_in_its_tracks_one_request_waits_and_the_others_do_not_ask(
     try:
         all_answered(url, range(10, 30))
         assert state(url) == "down"
-        assert reads_failed(url) == before + 1  # one request waited its 50 ms; the other 19 did not ask at all
+        assert reads_failed(url) == before + 1  # one request waited; the other 19 did not ask at all
     finally:
         redis_server.process.send_signal(signal.SIGCONT)
     wait_until(lambda: state(url) == "ok")
