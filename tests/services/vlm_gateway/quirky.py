@@ -127,8 +127,9 @@ def _openai_content(body: dict[str, Any]) -> tuple[str, int]:
     words: list[str] = []
     pictures = 0
     for message in body["messages"]:
-        content = message["content"]
-        for part in [{"type": "text", "text": content}] if isinstance(content, str) else content:
+        content: str | list[dict[str, Any]] = message["content"]
+        parts: list[dict[str, Any]] = [{"type": "text", "text": content}] if isinstance(content, str) else content
+        for part in parts:
             if part["type"] == "text":
                 words.append(part["text"])
             elif part["image_url"]["url"].startswith("data:image/jpeg;base64,"):

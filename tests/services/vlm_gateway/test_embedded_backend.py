@@ -28,7 +28,7 @@ class SmallModel:
     """Counts a picture's brightness as floors, sees what is called "pot" wherever it is bright, and can be held."""
 
     version = "small-1"
-    about = {"megabytes": 0.0}
+    about: dict[str, object] = {"megabytes": 0.0}
 
     def __init__(self) -> None:
         self.free = threading.Event()

@@ -25,7 +25,7 @@ def thing(*, goal: bool) -> VisibleObject:
 
 @pytest.mark.parametrize(("rate", "fault"), [("miss_rate", "misses"), ("refusal_rate", "refuses")])
 def test_faults_come_as_often_as_asked_for(rate: str, fault: str) -> None:
-    noise = OracleNoise(**{rate: 0.3})  # type: ignore[arg-type]
+    noise = OracleNoise(**{rate: 0.3})
     share = sum(getattr(Faults(noise, truth(n), "recognition"), fault) for n in range(STOPS)) / STOPS
     assert share == pytest.approx(0.3, abs=0.03)
 

@@ -1,6 +1,7 @@
 """The small parts that everything else leans on: breaker, admission, flights, keys, the guard of the cache."""
 
 import asyncio
+from collections.abc import AsyncIterator
 
 import pytest
 
@@ -8,7 +9,7 @@ from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.breaker import Breaker
 from services.vlm_gateway.cache.guard import MAX_PENDING, GuardedCache
 from services.vlm_gateway.cache.keys import answer_key
-from services.vlm_gateway.cache.port import CacheDown, CacheFull
+from services.vlm_gateway.cache.port import CacheDown, CacheFull, Entry
 from services.vlm_gateway.chat.extract import json_values, without_reasoning
 from services.vlm_gateway.chat.replies import retry_after_s
 from services.vlm_gateway.errors import ModelOverloaded
@@ -174,6 +175,10 @@ class Shelf:
         if self.full:
             raise CacheFull("full")
         self.held[key] = value
+
+    async def entries(self) -> AsyncIterator[Entry]:
+        for key, value in list(self.held.items()):
+            yield Entry(key, value)
 
     async def ping(self) -> None:
         if self.down:

@@ -46,7 +46,7 @@ def test_every_server_preset_is_tested() -> None:
 
 
 def gateway(serve: Serve, server: QuirkyServer, kind: str, **changes: Any) -> str:
-    values = {"server": kind, "base_url": server.url, "timeout_s": 5.0} | changes
+    values: dict[str, Any] = {"server": kind, "base_url": server.url, "timeout_s": 5.0} | changes
     return serve(build({"m": chat_backend(None, **values)}).app)
 
 
@@ -283,7 +283,9 @@ def test_what_a_server_sees_is_encoded_anew() -> None:
     assert (clean.width, clean.height) == (80, 60)
     assert b"Exif" not in clean.jpeg
     assert b"GPS" not in clean.jpeg
-    assert cv2.imdecode(np.frombuffer(clean.jpeg, np.uint8), cv2.IMREAD_COLOR).shape == (60, 80, 3)
+    decoded = cv2.imdecode(np.frombuffer(clean.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert decoded is not None
+    assert decoded.shape == (60, 80, 3)
 
 
 def test_a_picture_over_the_limits_is_scaled_and_packed_to_fit() -> None:
@@ -322,6 +324,8 @@ def test_boxes_may_be_told_otherwise_than_the_preset_says(serve: Serve) -> None:
 
 def test_presets_name_their_sources() -> None:
     nameless = {"generic-text", "generic-vision", "openai-compatible"}
-    for name, entry in {**families(), **servers()}.items():
-        assert name in nameless or entry.sources, name
-        assert all(source.startswith("https://") for source in entry.sources)
+    named = {name: family.sources for name, family in families().items()}
+    named |= {name: server.sources for name, server in servers().items()}
+    for name, sources in named.items():
+        assert name in nameless or sources, name
+        assert all(source.startswith("https://") for source in sources)

@@ -6,6 +6,7 @@ dot in its middle.
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnx
@@ -89,7 +90,7 @@ class _Graph:
         self.nodes: list[onnx.NodeProto] = []
         self.constants: list[onnx.TensorProto] = []
 
-    def add(self, kind: str, *inputs: str, out: str | None = None, **attributes: object) -> str:
+    def add(self, kind: str, *inputs: str, out: str | None = None, **attributes: Any) -> str:
         name = out or f"v{len(self.nodes)}"
         self.nodes.append(helper.make_node(kind, list(inputs), [name], **attributes))
         return name
@@ -130,7 +131,7 @@ def _proposer() -> onnx.ModelProto:
     cells = g.add("AveragePool", _shares(g, "pictures"), kernel_shape=[STRIDE] * 2, strides=[STRIDE] * 2)
     red, green, blue = (g.channel(cells, k) for k in range(3))
     # things are strongly coloured, more than lines and sky; five cells wide, so that the mean peaks in their middle
-    axes = {"axes": [1], "keepdims": 1}
+    axes: dict[str, Any] = {"axes": [1], "keepdims": 1}
     spread = g.add("Sub", g.add("ReduceMax", cells, **axes), g.add("ReduceMin", cells, **axes))
     brightest = g.add("ReduceMin", cells, **axes)
     either = g.add("Max", g.unit(g.line(spread, 8.0, -3.9)), g.unit(g.line(brightest, 8.0, -7.0)))

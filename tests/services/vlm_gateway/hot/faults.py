@@ -85,7 +85,7 @@ def babbles(raw: bytes) -> Behaviour:
 
     async def behave(request: web.Request, _: dict[str, Any]) -> web.StreamResponse:
         assert request.transport is not None
-        request.transport.write(raw)  # type: ignore[attr-defined]
+        request.transport.write(raw)
         request.transport.close()
         raise ConnectionResetError
 

@@ -25,7 +25,7 @@ def sent(raw: bytes, wanted: Wanted = WANTED) -> bytes:
 
 def test_only_the_model_s_name_differs_in_what_is_sent_on() -> None:
     for form in ({}, {"separators": (",", ":")}, {"indent": 2}, {"ensure_ascii": False}):
-        raw = json.dumps(body(), **form).encode()  # type: ignore[arg-type]
+        raw = json.dumps(body(), **form).encode()
         assert len(scan(raw).skeleton) < len(raw) / 2
         assert sent(raw) == raw.replace(b'"m"', b'"maker/model"')
 
