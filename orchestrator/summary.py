@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from contracts.orchestrator import Delivery, DeliveryResult, Event
 from orchestrator.record import read_delivery, read_events
+from orchestrator.wording import counted
 
 Canvas = NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -68,7 +69,7 @@ def _panels(events: Sequence[Event]) -> list[Panel]:
     counts = [e for e in events if e.kind == "floor_count"]
     looks = [e for e in events if e.kind == "look"]
     seen = [e for e in looks if e.phase == "explore" and any(s["accepted"] for s in e.data["sightings"])]
-    counted = f"{counts[-1].data['floors_new']} floors counted" if counts else "no floor counted"
+    floors = f"{counted(counts[-1].data['floors_new'], 'floor')} counted" if counts else "no floor counted"
     third = Panel("The last marked choice", _named(events, "marked"))
     if seen:
         box = next(s["box"] for s in seen[-1].data["sightings"] if s["accepted"])
@@ -76,7 +77,7 @@ def _panels(events: Sequence[Event]) -> list[Panel]:
         third = Panel("The sighting, closer", _named(seen[-1:], "sighting"), middle)
     return [
         Panel("At the foot of the building", _view(e for e in events if e.kind == "stand_off")),
-        Panel(f"Floor count: {counted}", _view(reversed(counts))),
+        Panel(f"Floor count: {floors}", _view(reversed(counts))),
         third,
         Panel("Where it ended" if seen else "The last look", _view(looks[-1:])),
     ]

@@ -12,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from contracts.orchestrator import DeliveryResult, Event
+from orchestrator.wording import counted
 
 PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
 MOST_LINES, FEWEST_LINES, OTHER_LINES = 16, 4, 18
@@ -140,7 +141,7 @@ def print_result(console: Console, result: DeliveryResult, folder: str) -> None:
         for role, c in result.model_calls.items()
     )
     facts = [
-        ("steps", f"{result.steps} stops with a model query, {result.exploration_steps} of them exploring"),
+        ("steps", f"{counted(result.steps, 'stop')} with a model query, {result.exploration_steps} of them exploring"),
         ("flown", f"{result.path_m:.1f} m in {result.flight_s:.0f} s of flight"),
         ("model calls", calls or "none"),
         ("wall time", f"{result.timings_s.get('total', 0.0):.1f} s, pictures by {result.renderer or 'nobody'}"),

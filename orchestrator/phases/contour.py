@@ -7,6 +7,7 @@ from contracts.depth_assist import ExploreAnswer, ExploreQuestion
 from contracts.geometry import Point3
 from orchestrator.ports import ServiceRefused
 from orchestrator.sortie import Look, MissionEnd, Sortie
+from orchestrator.wording import with_article
 
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
 
@@ -45,7 +46,7 @@ class ContourSearch:
         if answer.status == "done":
             raise MissionEnd(
                 "object_not_found",
-                f"no window with a {sortie.object} was found; the search is over, with "
+                f"no window with {with_article(sortie.object or 'object')} was found; the search is over, with "
                 f"{100 * answer.inspected_share:.0f} % of the facade on floor {sortie.floor} inspected",
             )
         if answer.stop is None:

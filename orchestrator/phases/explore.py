@@ -28,6 +28,7 @@ from orchestrator.marks import mark_box, mark_points
 from orchestrator.phases.contour import ContourSearch
 from orchestrator.sighting import SAME_PLACE_M, Dismissed, Sighting, facade_returns, locate
 from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m, towards
+from orchestrator.wording import counted, with_article
 
 TRIES = 2
 
@@ -92,12 +93,14 @@ class Exploration:
             finally:
                 onward.cancel()
                 await asyncio.gather(onward, return_exceptions=True)
-        looked = f"after {sortie.exploration_steps} exploration steps"
+        looked = f"after {counted(sortie.exploration_steps, 'exploration step')}"
         if self.contour is not None and self.contour.inspected_share is not None:
             looked += f", with {100 * self.contour.inspected_share:.0f} % of the known facade inspected"
         if self.dismissed:
-            looked += f"; {len(self.dismissed)} sightings did not stand up to a nearer look"
-        raise MissionEnd("object_not_found", f"no window with a {sortie.object} was found {looked}")
+            looked += f"; {counted(len(self.dismissed), 'sighting')} did not stand up to a nearer look"
+        raise MissionEnd(
+            "object_not_found", f"no window with {with_article(sortie.object or 'object')} was found {looked}"
+        )
 
     async def search(self, look: Look, what: str, near: Point3 | None = None) -> Found | None:
         """Asks for the object in all views at once; `near` prefers the sighting closest to a place. Raises MissionEnd
@@ -316,7 +319,7 @@ def _said(outcome: str, sightings: list[Sighting], best: Sighting | None, thing:
     if best is not None:
         return f"{thing} seen {towards(best.match.heading_deg)}, {best.distance_m:.1f} m away"
     if sightings:
-        return f"{len(sightings)} sightings rejected: {sightings[0].rejected}"
+        return f"{counted(len(sightings), 'sighting')} rejected: {sightings[0].rejected}"
     return f"no {thing} in sight"
 
 

@@ -29,6 +29,7 @@ from navigation.floor_localization import (
 from orchestrator.asking import Answered
 from orchestrator.marks import mark_box
 from orchestrator.sortie import MissionEnd, Sight, Sortie, above, ahead
+from orchestrator.wording import counted
 
 VERTICAL_FOV_RAD = math.pi / 2
 FACADE = facade.Settings()
@@ -232,7 +233,7 @@ def _report(
     decision: Climb | FinalHeight | Recount | FloorNotFound | None,
 ) -> None:
     place = f"band {here.number}" if here else "the whole building"
-    said = f"{count.floors} floors" if count.floors is not None else f"the answer was {count.answer.outcome}"
+    said = counted(count.floors, "floor") if count.floors is not None else f"the answer was {count.answer.outcome}"
     what = {"Climb": "climb on", "FinalHeight": "height found", "FloorNotFound": "no such floor"}
     decided = type(decision).__name__
     sortie.write(

@@ -1,0 +1,14 @@
+"""Small words of messages: numbers with their nouns, things with their articles."""
+
+_SOUND_LIKE_CONSONANTS = ("uni", "use", "eu", "one")
+
+
+def counted(n: int, one: str, many: str | None = None) -> str:
+    """`1 sighting`, `2 sightings`; `many` where the plural is not the noun and an s."""
+    return f"{n} {one if n == 1 else many or one + 's'}"
+
+
+def with_article(thing: str) -> str:
+    """`a cake`, `an orange stool`; by the first letters, which is right for all but a few words."""
+    first = thing.casefold()
+    return f"{'an' if first[:1] in tuple('aeiou') and not first.startswith(_SOUND_LIKE_CONSONANTS) else 'a'} {thing}"

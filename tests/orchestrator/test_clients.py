@@ -1,0 +1,58 @@
+"""What the mission makes of a service that refuses: its model is in trouble, or the question was wrong."""
+
+from collections.abc import AsyncIterator, Callable
+
+import numpy as np
+import pytest
+from fastapi import FastAPI
+
+from contracts.images import encode_jpeg
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
+from orchestrator.clients import Addresses, Services
+from orchestrator.ports import ModelUnreachable, ServiceRefused
+from service_kit.app import create_app
+from service_kit.errors import ServiceError
+
+PICTURE = encode_jpeg(np.zeros((64, 64, 3), np.uint8))
+TROUBLE = ["model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"]
+
+
+def told(code: str) -> ServiceError:
+    return ServiceError("the server said: context too long", code=code, status=502)
+
+
+def refusing() -> FastAPI:
+    """A gateway and a parser that refuse by the code in the model's place."""
+    app = create_app("refuses", max_body_bytes=100_000)
+
+    @app.post("/v1/floor-count")
+    async def floor_count(question: FloorCountQuestion) -> FloorCountAnswer:
+        raise told(question.model or "bad_request")
+
+    @app.post("/v1/parse")
+    async def parse(question: ParseQuestion) -> ParseAnswer:
+        raise told(question.model or "bad_request")
+
+    return app
+
+
+@pytest.fixture
+async def services(serve: Callable[[FastAPI], str]) -> AsyncIterator[Services]:
+    url = serve(refusing())
+    async with Services(Addresses(url, url, url, url)) as made:
+        yield made
+
+
+@pytest.mark.parametrize("code", TROUBLE)
+async def test_a_model_that_did_not_answer_is_unreachable_whatever_the_reason(code: str, services: Services) -> None:
+    with pytest.raises(ModelUnreachable, match=rf"vlm_gateway: the server said: context too long \({code}\)"):
+        await services.ports().vision.floor_count(FloorCountQuestion(model=code, image=PICTURE))
+    with pytest.raises(ModelUnreachable, match=rf"llm_parser: .*\({code}\)"):
+        await services.ports().parser.parse(ParseQuestion(request="floor 3", model=code))
+
+
+async def test_a_question_that_was_wrong_is_the_services_refusal(services: Services) -> None:
+    with pytest.raises(ServiceRefused) as caught:
+        await services.ports().vision.floor_count(FloorCountQuestion(model="bad_image", image=PICTURE))
+    assert (caught.value.code, caught.value.status) == ("bad_image", 502)
