@@ -18,7 +18,8 @@ from services.vlm_gateway.chat.dialects import Call
 from services.vlm_gateway.chat.replies import Api, ReplyReader, Said
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
-from services.vlm_gateway.hot.http1 import BrokenReply, Buffer, Pool, Server, Stream
+from services.vlm_gateway.hot.connection import BrokenReply, Buffer, Stream
+from services.vlm_gateway.hot.http1 import Pool, Server
 from services.vlm_gateway.hot.scan import Wanted
 
 T = TypeVar("T")

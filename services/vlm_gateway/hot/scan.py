@@ -18,7 +18,7 @@ from jiter import from_json
 from pydantic_core import to_json
 
 from services.vlm_gateway.chat.request import DROPPED, PASSED, Chat, check_chat, invalid
-from services.vlm_gateway.hot.http1 import Buffer
+from services.vlm_gateway.hot.connection import Buffer
 
 _MIN_CUT = 256
 _MAX_HOLES = 1000
