@@ -12,6 +12,9 @@ from typing import Literal, NamedTuple
 _COUNT_TOLERANCE = 1e-6
 """Counts with fractions don't add up to whole floors exactly."""
 
+_SAME_ROW_FLOORS = 0.3
+"""Two window rows nearer than this share of a floor are one; real ones lie a whole floor apart."""
+
 Reading = Literal["upper_edge", "camera_height"]
 
 
@@ -43,6 +46,17 @@ class WindowRows(NamedTuple):
     camera_m: float
     stand_off_m: float
     vertical_fov_rad: float
+
+    def height_m(self, at: int) -> float:
+        """Of row number `at`, above ground."""
+        return row_height_m(self.rows[at], self.camera_m, self.stand_off_m, self.vertical_fov_rad)
+
+    @property
+    def spacing_m(self) -> float | None:
+        """A floor's height by these rows; None where there are too few to tell."""
+        if len(self.rows) < 2:
+            return None
+        return (self.height_m(0) - self.height_m(-1)) / (len(self.rows) - 1)
 
 
 class Climb(NamedTuple):
@@ -129,6 +143,28 @@ def decide(
     return Climb(band(here.number + 1, here.upper_m - here.lower_m), current)
 
 
+def across_edge(here: WindowRows, below: WindowRows, edge_m: float) -> tuple[float, ...]:
+    """The window rows of a band, topmost first, told apart from those of the band below; `edge_m` is where they touch.
+
+    A row of windows right on the edge is counted in both bands or in neither: a millimetre of the stand-off decides.
+    Floors are equally high, so the rows on either side of the edge tell which. The same row seen twice is left out
+    here; one that both missed is put in at the picture's lower edge. Otherwise, the rows come back as they are.
+    """
+    spacing_m = here.spacing_m or below.spacing_m
+    if not here.rows or not below.rows or spacing_m is None or spacing_m <= 0.0:
+        return here.rows
+    upper_m, lower_m = here.height_m(-1), below.height_m(0)
+    off_m = abs((upper_m + lower_m) / 2.0 - edge_m)
+    gap_floors = (upper_m - lower_m) / spacing_m
+    if off_m > _SAME_ROW_FLOORS * spacing_m:
+        return here.rows
+    if abs(gap_floors) <= _SAME_ROW_FLOORS:
+        return here.rows[:-1]
+    if abs(gap_floors - 2.0) <= _SAME_ROW_FLOORS:
+        return (*here.rows, 1.0)
+    return here.rows
+
+
 def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings: Settings) -> FinalHeight:
     """Eq. 3's height held against the window row of the wanted floor, where the model says where it saw its floors.
 
@@ -138,14 +174,14 @@ def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings:
     floors or too few to tell a floor's height from.
     """
     at = round(final.floors_counted) - target_floor  # rows begin at the topmost floor of this picture
-    if settings.reading != "upper_edge" or len(seen.rows) < 2 or not 0 <= at < len(seen.rows):
+    floor_height = seen.spacing_m
+    if settings.reading != "upper_edge" or floor_height is None or not 0 <= at < len(seen.rows):
         return final
-    heights = [row_height_m(row, seen.camera_m, seen.stand_off_m, seen.vertical_fov_rad) for row in seen.rows]
-    floor_height = (heights[0] - heights[-1]) / (len(heights) - 1)
-    off = abs(heights[at] - final.height_m)
+    height = seen.height_m(at)
+    off = abs(height - final.height_m)
     if floor_height <= 0.0 or not settings.row_trust_floors * floor_height < off < final.floor_height_m:
         return final
-    return FinalHeight(max(settings.min_height_m, heights[at]), floor_height, final.floors_counted)
+    return FinalHeight(max(settings.min_height_m, height), floor_height, final.floors_counted)
 
 
 def _final(

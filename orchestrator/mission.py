@@ -110,7 +110,7 @@ class Mission:
                 return
             last, leaving = end, found.look if end.blocked else None
             if not end.blocked:
-                exploration.dismissed.append(Dismissed(end.place, found.look.pose))
+                exploration.dismissed.append(Dismissed(end.place, found.look.pose, found.sighting.match.confidence))
         if last is not None and last.blocked:
             raise _blocked(last)
         raise MissionEnd("object_not_found", f"{counted(MAX_APPROACHES, 'sighting')} did not stand up to a nearer look")

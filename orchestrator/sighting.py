@@ -17,6 +17,7 @@ SAME_FLOOR = 0.75
 FACADE_SAMPLES = 24
 SAME_PLACE_M = 1.5
 OTHER_SIDE_DEG = 30.0
+SURER_BY = 0.1
 
 
 class Extent(NamedTuple):
@@ -38,20 +39,25 @@ class Sighting(NamedTuple):
 
 
 class Dismissed(NamedTuple):
-    """A sighting that did not stand up to a nearer look, and where it was made from."""
+    """A sighting that did not stand up to a nearer look: where it is, where it was made from and how sure it was."""
 
     place: Point3
     seen_from: WirePose
+    confidence: float
 
-    def holds(self, place: Point3, pose: WirePose, *, claimable: bool) -> bool:
-        """Is that the same thing, and not worth another look? From another side it may look like what was asked for,
-        but only a sighting that could be claimed as it stands is followed there."""
+    def holds(self, place: Point3, pose: WirePose, confidence: float, *, claimable: bool) -> bool:
+        """Is that the same thing, and not worth another look? From another side, or seen more surely than before, it
+        may be what was asked for; but only a sighting that could be claimed as it stands is followed."""
+        if distance_m(place, self.place) >= SAME_PLACE_M:
+            return False
         if not claimable:
-            return distance_m(place, self.place) < SAME_PLACE_M
+            return True
+        if confidence >= self.confidence + SURER_BY:
+            return False
         before = math.atan2(self.seen_from.y - self.place.y, self.seen_from.x - self.place.x)
         now = math.atan2(pose.y - self.place.y, pose.x - self.place.x)
         turned = abs(math.remainder(now - before, math.tau))
-        return distance_m(place, self.place) < SAME_PLACE_M and turned < math.radians(OTHER_SIDE_DEG)
+        return turned < math.radians(OTHER_SIDE_DEG)
 
 
 def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float) -> Sighting:

@@ -170,13 +170,15 @@ class Exploration:
             floor_height_m=sortie.floor_height_m or 3.0,
         )
         place = sighting.place
-        if sighting.rejected is None and place and self._is_dismissed(place, look.pose, claimable):
+        if sighting.rejected is None and place and self._is_dismissed(place, look.pose, match, claimable):
             return sighting._replace(rejected="looked at from near before")
         return sighting
 
-    def _is_dismissed(self, place: Point3, pose: Pose, claimable: bool) -> bool:
+    def _is_dismissed(self, place: Point3, pose: Pose, match: Match, claimable: bool) -> bool:
         tries = sum(distance_m(place, d.place) < SAME_PLACE_M for d in self.dismissed)
-        return tries >= TRIES or any(d.holds(place, pose, claimable=claimable) for d in self.dismissed)
+        return tries >= TRIES or any(
+            d.holds(place, pose, match.confidence, claimable=claimable) for d in self.dismissed
+        )
 
     async def _onward(self, look: Look) -> Onward | None:
         """Viewpoint (eq. 4-6) and safe distances (eq. 7); null where the explorer leads. Changes nothing."""

@@ -20,6 +20,7 @@ from navigation.floor_localization import (
     Recount,
     Settings,
     WindowRows,
+    across_edge,
     band,
     band_span_m,
     corrected,
@@ -41,9 +42,11 @@ STEPS_BACK = 3
 
 
 class Count(NamedTuple):
-    """The floors in one picture; null where the model's answer said nothing."""
+    """The floors in one picture, null where the model's answer said nothing; and their window rows, 0..1 from the top,
+    where the model tells one for each of them."""
 
     floors: int | None
+    rows: tuple[float, ...] | None
     answer: FloorCountAnswer
     seconds: float
 
@@ -75,12 +78,13 @@ async def go_to_floor(sortie: Sortie) -> None:
 async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight:
     """Band after band until eq. 3 gives the height."""
     counted, silent = 0.0, 0
+    below: WindowRows | None = None
     for _ in range(sortie.settings.max_bands + sortie.settings.max_model_failures):
         await _rise(sortie, here.camera_m, f"to the middle of band {here.number}")
         sight = await _front(sortie)
         top = facade.facade_top_m(sight.depth_m, stand_off, sight.pose.z, FACADE)
         sight = await _hold(sortie, sight, stand_off, top)
-        count = await _count(sortie, sight)
+        count = _across_edge(await _count(sortie, sight), sight, here, below, stand_off)
         decision = decide(here, counted, count.floors, sortie.floor or 1, top, _eq3(sortie))
         if isinstance(decision, FinalHeight):
             decision = _held_against_rows(sortie, decision, sight, count, stand_off)
@@ -89,6 +93,7 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
             case FinalHeight():
                 return decision
             case Climb():
+                below = _window_rows(sight, count, 0, stand_off)
                 here, counted = decision.band, decision.floors_counted
                 if here.number > sortie.settings.max_bands:
                     break
@@ -105,13 +110,27 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
 
 def _held_against_rows(sortie: Sortie, final: FinalHeight, sight: Sight, count: Count, stand_off: float) -> FinalHeight:
     """Where the model says at which heights of the picture it saw its floors, they have the last word."""
-    if count.answer.rows is None or len(count.answer.rows) != count.floors:
-        return final
     at = round(final.floors_counted) - (sortie.floor or 1)
-    row = count.answer.rows[at] if 0 <= at < len(count.answer.rows) else 0.5
+    seen = _window_rows(sight, count, at, stand_off)
+    return corrected(final, sortie.floor or 1, seen, _eq3(sortie)) if seen is not None else final
+
+
+def _across_edge(count: Count, sight: Sight, here: Band, below: WindowRows | None, stand_off: float) -> Count:
+    """The count without a floor that the band below had counted, or with one that neither saw."""
+    seen = _window_rows(sight, count, -1, stand_off)
+    if seen is None or below is None:
+        return count
+    rows = across_edge(seen, below, here.lower_m)
+    return count._replace(floors=len(rows), rows=rows)
+
+
+def _window_rows(sight: Sight, count: Count, at: int, stand_off: float) -> WindowRows | None:
+    """The rows of a count, on the wall as far off as it is at row number `at`; null where there are none."""
+    if not count.rows:
+        return None
+    row = count.rows[at] if -1 <= at < len(count.rows) else 0.5
     wall_m = facade.wall_at_row_m(sight.depth_m, row, stand_off, FACADE)
-    seen = WindowRows(count.answer.rows, sight.pose.z, wall_m, VERTICAL_FOV_RAD)
-    return corrected(final, sortie.floor or 1, seen, _eq3(sortie))
+    return WindowRows(count.rows, sight.pose.z, wall_m, VERTICAL_FOV_RAD)
 
 
 async def _direct(sortie: Sortie, stand_off: float) -> FinalHeight:
@@ -194,7 +213,8 @@ async def _count(sortie: Sortie, sight: Sight) -> Count:
         model=sortie.settings.vision_model, oracle_episode=sortie.flown.id, image=sight.view.image
     )
     reply = await sortie.book.ask("floors", sortie.ports.vision.floor_count(question))
-    return Count(reply.answer.floors if isinstance(reply, Answered) else None, reply.answer, reply.seconds)
+    floors, rows = (reply.answer.floors, reply.answer.rows) if isinstance(reply, Answered) else (None, None)
+    return Count(floors, rows if rows is not None and len(rows) == floors else None, reply.answer, reply.seconds)
 
 
 async def _building_box(sortie: Sortie) -> None:
@@ -234,6 +254,9 @@ def _report(
 ) -> None:
     place = f"band {here.number}" if here else "the whole building"
     said = counted(count.floors, "floor") if count.floors is not None else f"the answer was {count.answer.outcome}"
+    if count.floors is not None and count.answer.floors is not None and count.floors != count.answer.floors:
+        once_more = count.floors < count.answer.floors
+        said += " (without one counted below)" if once_more else " (with one on the edge that neither picture shows)"
     what = {"Climb": "climb on", "FinalHeight": "height found", "FloorNotFound": "no such floor"}
     decided = type(decision).__name__
     sortie.write(

@@ -14,6 +14,7 @@ from navigation.floor_localization import (
     Recount,
     Settings,
     WindowRows,
+    across_edge,
     band,
     band_span_m,
     corrected,
@@ -202,3 +203,46 @@ def test_rows_that_tell_nothing_new_leave_eq3_alone(rows: tuple[float, ...], tar
 def test_the_literal_reading_is_never_corrected() -> None:
     final = FinalHeight(12.0, 3.0, 3)
     assert corrected(final, 3, WindowRows((0.3, 0.5, 0.7), 9.0, 9.0, math.pi / 2), CAMERA) == final
+
+
+WINDOWS_OF_3_M = [1.6 + 3.0 * k for k in range(12)]
+"""The middles of twelve floors' windows; the sixth lies at 16.6 m."""
+
+
+def rows_seen(stand_off_m: float, number: int, middles: list[float] = WINDOWS_OF_3_M, slack: float = 0.0) -> WindowRows:
+    """What a camera in the middle of band `number` sees of them; `slack` widens the picture by that share."""
+    camera_m = band(number, 2 * stand_off_m).camera_m
+    rows = sorted(0.5 - (z - camera_m) / stand_off_m / 2 for z in middles)
+    inside = tuple(min(1.0, max(0.0, row)) for row in rows if -slack <= row <= 1.0 + slack)
+    return WindowRows(inside, camera_m, stand_off_m, math.pi / 2)
+
+
+@pytest.mark.parametrize(("slack", "new_rows"), [(1e-6, 6), (-1e-6, 5)], ids=["in both pictures", "in neither"])
+def test_a_window_row_on_the_edge_between_two_bands_is_one_floor(slack: float, new_rows: int) -> None:
+    """Bands of 16.6 m: the sixth floor's windows lie on the edge; up to the second band's end it is eleven floors."""
+    first, second = rows_seen(8.3, 1, slack=slack), rows_seen(8.3, 2, slack=slack)
+    assert len(first.rows) == (6 if slack > 0 else 5)
+    assert len(second.rows) == new_rows
+    told_apart = across_edge(second, first, 16.6)
+    assert len(first.rows) + len(told_apart) == 11
+    heights = [second._replace(rows=told_apart).height_m(at) for at in range(len(told_apart))]
+    assert heights == pytest.approx(WINDOWS_OF_3_M[10 : 10 - len(told_apart) : -1], abs=0.01)
+
+
+@given(stand_off_m=st.floats(5.0, 12.0), floor_m=st.floats(2.6, 4.5))
+def test_every_floor_is_counted_once_wherever_the_bands_touch(stand_off_m: float, floor_m: float) -> None:
+    middles = [0.5 * floor_m + floor_m * k for k in range(30)]
+    for slack in (-1e-6, 1e-6):
+        first, second = (rows_seen(stand_off_m, number, middles, slack) for number in (1, 2))
+        both = len(first.rows) + len(across_edge(second, first, 2 * stand_off_m))
+        assert both == sum(z < 4 * stand_off_m * (1 + slack) for z in middles)
+
+
+@pytest.mark.parametrize(
+    ("rows", "below"),
+    [((0.1, 0.3, 0.5, 0.7, 0.9), (0.1, 0.3, 0.5)), ((), (0.0,)), ((1.0,), (0.0,)), ((0.5, 0.7, 0.8), ())],
+    ids=["a floor apart", "nothing new", "too few to tell a floor's height", "nothing below"],
+)
+def test_rows_that_are_floors_of_their_own_stay_as_they_are(rows: tuple[float, ...], below: tuple[float, ...]) -> None:
+    here, before = WindowRows(rows, 24.9, 8.3, math.pi / 2), WindowRows(below, 8.3, 8.3, math.pi / 2)
+    assert across_edge(here, before, 16.6) == rows

@@ -7,11 +7,11 @@ import math
 import pytest
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ViewpointSettings
-from contracts.geometry import Box, Point3
+from contracts.geometry import Box, Point3, Pose
 from contracts.orchestrator import DeliveryResult, Event, MissionSettings
 from contracts.scene import FreePlace, Scene, SceneObject
 from contracts.sim import EpisodeQuestion
-from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, Match
+from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, FloorCountQuestion, Match
 from orchestrator.mission import Mission
 from orchestrator.ports import ModelUnreachable, Ports, ServiceUnreachable
 from tests.orchestrator.box_world import (
@@ -84,6 +84,37 @@ async def test_with_exact_counts_the_final_height_is_the_middle_of_the_floor() -
         result = await fly(BlockWorld(Block(floors=floors)), request=f"floor {wanted}, the green flower pot",
                            max_exploration_steps=1)  # fmt: skip
         assert result.final_height_m == pytest.approx((wanted - 0.5) * 3.0, abs=0.05)
+
+
+class SeesTheEdge(BlockVision):
+    """Tells the rows of its floors, and counts those that lie `slack_m` beyond the picture's edge as well."""
+
+    slack_m = 0.01
+
+    async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
+        pose, block = self._pose("floor_count", question.oracle_episode), self.world.block
+        away = block.y0 - pose.y
+        middles = [(k + 0.5) * block.floor_height_m for k in reversed(range(block.floors))]
+        rows = tuple(0.5 - (m - pose.z) / away / 2 for m in middles if abs(m - pose.z) < away + self.slack_m)
+        shown = tuple(min(1.0, max(0.0, row)) for row in rows)
+        return FloorCountAnswer(role="floors", floors=len(shown), rows=shown, **WHO)
+
+
+class MissesTheEdge(SeesTheEdge):
+    """Counts only what lies well inside the picture."""
+
+    slack_m = -0.01
+
+
+@pytest.mark.parametrize("vision", [SeesTheEdge, MissesTheEdge])
+async def test_a_floor_whose_windows_lie_on_the_edge_of_two_pictures_is_counted_once(vision: type[BlockVision]) -> None:
+    """From 8.25 m, the first picture ends at 16.5 m, in the middle of the sixth floor."""
+    world = BlockWorld(Block(floors=14, start=Pose(x=0.0, y=-14.25, z=1.5, yaw=math.pi / 2)))
+    log = Events()
+    result = await fly(world, vision=vision(world), log=log, request="floor 9, the green flower pot",
+                       max_exploration_steps=1)  # fmt: skip
+    assert sum(e.data["floors_new"] for e in log.of("floor_count")) == 11
+    assert result.final_height_m == pytest.approx(25.5, abs=0.7)
 
 
 async def test_direct_count_finds_the_height_from_one_picture_of_the_whole_building() -> None:

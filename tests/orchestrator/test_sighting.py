@@ -8,7 +8,7 @@ from contracts.geometry import Box, Heading, Point3, Pose
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import Match
 from orchestrator.asking import CallBook
-from orchestrator.sighting import Extent, locate, project
+from orchestrator.sighting import Dismissed, Extent, locate, project
 from orchestrator.sortie import Look, Sight
 from tests.orchestrator.box_world import Block, BlockWorld, block_scene
 
@@ -66,6 +66,28 @@ async def test_a_sighting_too_far_to_be_sure_is_rejected_with_its_distance() -> 
     found = locate(middle, look.sights[0], floor_z=9.0, floor_height_m=3.0)
     assert found.rejected is not None
     assert "34.0 m" in found.rejected
+
+
+THING = Point3(x=0.0, y=0.0, z=10.0)
+SEEN_BEFORE = Dismissed(THING, Pose(x=0.0, y=-6.0, z=10.0, yaw=1.57), 0.45)
+
+
+@pytest.mark.parametrize(
+    ("at", "seen_from", "confidence", "claimable", "held", "why"),
+    [
+        (0.0, (1.0, -6.0), 0.45, True, True, "the same again"),
+        (0.0, (1.0, -6.0), 0.60, True, False, "surer than before"),
+        (0.0, (6.0, -6.0), 0.45, True, False, "from another side"),
+        (0.0, (6.0, -6.0), 0.60, False, True, "not sure enough to be claimed"),
+        (2.0, (1.0, -6.0), 0.45, True, False, "another thing"),
+    ],
+)
+def test_what_was_dismissed_is_looked_at_again_only_for_a_reason(
+    at: float, seen_from: tuple[float, float], confidence: float, claimable: bool, held: bool, why: str
+) -> None:
+    pose = Pose(x=seen_from[0], y=seen_from[1], z=10.0, yaw=1.57)
+    place = Point3(x=at, y=0.0, z=10.0)
+    assert SEEN_BEFORE.holds(place, pose, confidence, claimable=claimable) is held, why
 
 
 def test_wall_time_adds_up_by_part() -> None:

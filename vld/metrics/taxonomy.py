@@ -8,7 +8,8 @@ unreachable     a model or a service did not answer; says nothing about how good
 success         the delivery is the design's success; where the object is not there at all, it was not found
 parse           floor or object were not what the customer asked for, or were not found in the request
 unreadable      a model answered, but too often with something that says nothing
-floor           the height found is more than 7 m off the window's, or none was found
+floor           the height found is more than 7 m off the window's, or none was found; or the search ended without a
+                sighting, on a height more than half a floor off
 wrong_object    the claimed window is not the customer's
 blocked         the object was found and the way to a stop that counts was not: not free, or the right window claimed
                 from too far, from aside or without a clear sight; or the way up to the floor was not free
@@ -117,6 +118,8 @@ def _reason_of_the_flight(task: Task, result: DeliveryResult) -> Reason:
         return "blocked" if result.verdict.right_window and not task.absent else "wrong_object"
     if result.outcome == "blocked":
         return "blocked"
+    if floor_failed(task, result, task.floor_height_m / 2):
+        return "floor"
     stops = [stop.pose for stop in result.stops if stop.phase in SEARCHING]
     if any(in_plain_view(task, pose) for pose in stops):
         return "missed_object"
