@@ -9,11 +9,12 @@ from orchestrator.cli import app
 from vld import tasks_cli
 from vld.bench import cli as bench_cli
 from vld.evaluate_model.command import evaluate
-from vld.report.command import report
+from vld.report.command import compare, report
 
 app.add_typer(tasks_cli.app, name="tasks")
 app.command(name="bench")(bench_cli.bench)
 app.command(name="report")(report)
+app.command(name="compare")(compare)
 app.command(name="evaluate")(evaluate)
 
 

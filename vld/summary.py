@@ -8,7 +8,7 @@ import numpy as np
 
 from contracts.base import Wire
 from contracts.scene import BuildingKind
-from vld.metrics.breakdown import FLOOR_GROUPS, breakdown, floor_group
+from vld.metrics.breakdown import FLOOR_GROUPS, breakdown, floor_group, neighbours_group
 from vld.metrics.collisions import collisions
 from vld.metrics.coverage import Absence, absence
 from vld.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
@@ -58,6 +58,8 @@ class Groups(Wire):
 
     difficulty: dict[str, Rate]
     building: dict[str, Rate]
+    footprint: dict[str, Rate]
+    neighbours: dict[str, Rate]
     category: dict[str, Rate]
     floor: dict[str, Rate]
 
@@ -213,6 +215,8 @@ def _groups(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> Grou
     return Groups(
         difficulty=by(lambda task: task.difficulty, get_args(Difficulty)),
         building=by(lambda task: task.building_kind, get_args(BuildingKind)),
+        footprint=by(lambda task: task.footprint, ()),
+        neighbours=by(neighbours_group, ("none", "street", "ring")),
         category=by(lambda task: task.category, get_args(Category)),
         floor=by(floor_group, _FLOOR_ORDER),
     )

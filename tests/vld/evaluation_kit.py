@@ -1,12 +1,17 @@
 """Tasks and episodes by hand, for the tests of figures and report."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
 from contracts.geometry import Point2, Point3, Pose
-from contracts.orchestrator import DeliveryResult, ModelCalls, OutcomeName, Stop
+from contracts.orchestrator import DeliveryResult, MissionSettings, ModelCalls, OutcomeName, Stop
 from contracts.scene import Building, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import window_slot
 from contracts.sim import Episode, Flight, Verdict
+from vld.bench.folder import RunFolder
 from vld.metrics.taxonomy import reason_of
-from vld.records import EpisodeRecord, Task
+from vld.records import EpisodeRecord, RunSettings, Task
+from vld.tasks import lines_of, read
 
 FLOOR = 3
 
@@ -149,3 +154,23 @@ def a_record(task: Task, result: DeliveryResult | None, error: str | None = None
         "model_s": 0.5,
     }
     return EpisodeRecord.model_validate(fields | more)
+
+
+def run_settings(tasks: Sequence[Task], **mission: object) -> RunSettings:
+    return RunSettings(
+        tasks="by hand",
+        checksum=read(lines_of(tasks), "by hand").checksum,
+        count=len(tasks),
+        backend="embedded",
+        mission=MissionSettings.model_validate(mission),
+        workers=1,
+        versions={"logisticsvln": "0.1.0"},
+    )
+
+
+def a_run(path: Path, tasks: Sequence[Task], records: Sequence[EpisodeRecord], **mission: object) -> Path:
+    """A run's folder with these results, 12 s after its start."""
+    with RunFolder(path, run_settings(tasks, **mission), tasks) as folder:
+        for record in records:
+            folder.add(record, 12.0)
+    return path

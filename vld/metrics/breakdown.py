@@ -6,6 +6,8 @@ from vld.metrics.proportion import Proportion, share
 from vld.records import EpisodeRecord, Task
 
 FLOOR_GROUPS = ((1, 3), (4, 6), (7, 12), (13, None))
+MOST_ACROSS = 2
+"""Buildings that one side of a street holds in the task sets."""
 
 
 def breakdown(
@@ -26,3 +28,10 @@ def floor_group(task: Task) -> str:
     """The floor asked for, in groups that floors up to the twenties fill: 1-3, 4-6, 7-12, 13 and up."""
     low, high = next(g for g in FLOOR_GROUPS if g[1] is None or task.floor <= g[1])
     return f"{low}-{high}" if high is not None else f"{low}+"
+
+
+def neighbours_group(task: Task) -> str:
+    """What stands beside the target building: nothing, a row across the street, or buildings all round (more than one
+    street's side holds)."""
+    others = len(task.scene.buildings) - 1
+    return "none" if others < 1 else "street" if others <= MOST_ACROSS else "ring"

@@ -1,12 +1,15 @@
-"""`logisticsvln report`: runs in, one HTML page out."""
+"""`logisticsvln report` and `compare`: runs in, one HTML page or one table out."""
 
 from pathlib import Path
 from typing import Annotated, NoReturn
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
 from orchestrator.record import write_whole
 from vld.bench.folder import BadFolder
+from vld.report.comparison import HEADS, cells, compared, markdown
 from vld.report.page import build_page
 from vld.report.runs import load_runs
 
@@ -20,8 +23,7 @@ def report(
     megabytes: Annotated[int, typer.Option(min=0, max=500, help="How much room pictures may take.")] = 24,
 ) -> None:
     """One self-contained HTML page: the paper's tables with ours beside them, figures, and every failure."""
-    if len(runs) > MAX_RUNS:
-        _wrong(f"a report holds at most {MAX_RUNS} runs, not {len(runs)}")
+    _check_count(runs)
     page_path = out or runs[0] / "report.html"
     try:
         page = build_page(load_runs(runs), megabytes * 1_000_000)
@@ -31,6 +33,37 @@ def report(
     except OSError as error:
         _wrong(f"the report can't be written to {page_path}: {error.strerror}")
     typer.echo(str(page_path))
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(help="Folders of runs; the others are tested against the first.")],
+    as_json: Annotated[bool, typer.Option("--json", help="One object: each run's figures and tests.")] = False,
+    as_markdown: Annotated[bool, typer.Option("--markdown", help="The table as Markdown.")] = False,
+) -> None:
+    """Runs side by side, with paired tests against the first: McNemar's for success, a paired bootstrap for SPL."""
+    _check_count(runs)
+    if as_json and as_markdown:
+        _wrong("--json and --markdown exclude each other")
+    try:
+        arms = compared(load_runs(runs))
+    except ValueError as error:
+        _wrong(str(error))
+    if as_json:
+        typer.echo(arms.model_dump_json(indent=2))
+    elif as_markdown:
+        typer.echo(markdown(arms))
+    else:
+        # a column an arm: eleven figures side by side are wider than a terminal
+        heads, *rows = zip(HEADS, *map(cells, arms.arms), strict=True)
+        table = Table(*heads, box=None, padding=(0, 2))
+        for row in rows:
+            table.add_row(*row)
+        Console().print(table, highlight=False)
+
+
+def _check_count(runs: list[Path]) -> None:
+    if len(runs) > MAX_RUNS:
+        _wrong(f"at most {MAX_RUNS} runs lie beside each other, not {len(runs)}")
 
 
 def _wrong(message: str) -> NoReturn:

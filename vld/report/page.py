@@ -153,6 +153,8 @@ def _figures(runs: Sequence[Run]) -> Html:
     parts: list[tuple[str, Callable[[Groups], dict[str, Rate]]]] = [
         ("Success by difficulty (%)", lambda groups: groups.difficulty),
         ("Success by building (%)", lambda groups: groups.building),
+        ("Success by footprint (%)", lambda groups: groups.footprint),
+        ("Success by neighbours (%)", lambda groups: groups.neighbours),
         ("Success by floor asked for (%)", lambda groups: groups.floor),
         ("Success by category of object (%)", lambda groups: groups.category),
     ]

@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 from contracts.depth_assist import ViewpointSettings
 from contracts.images import encode_jpeg, jpeg_bytes
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
 from orchestrator.record import Record
-from tests.vld.evaluation_kit import a_record, a_result, a_task, a_verdict, delivered, stops
-from vld.bench.folder import BadFolder, RunFolder
+from tests.vld.evaluation_kit import a_record, a_result, a_run, a_task, a_verdict, delivered, run_settings, stops
+from vld.bench.folder import BadFolder
 from vld.metrics.model_calls import RoleCalls
-from vld.records import EpisodeRecord, RunSettings, Task
+from vld.records import EpisodeRecord, Task
 from vld.report.command import report
 from vld.report.markup import Html, join, tag
 from vld.report.page import build_page
@@ -25,7 +25,6 @@ from vld.report.pictures import Album, Shown, edge_for, most_telling
 from vld.report.runs import label_of, load_runs
 from vld.subtasks import parse
 from vld.subtasks.figures import SubtaskScores
-from vld.tasks import lines_of, read
 
 TASKS = [a_task(f"t-{i}", request=f"Floor <3> & the green pot, no. {i}") for i in range(4)]
 VOID = {"meta", "link", "img", "input"}
@@ -52,25 +51,6 @@ class Nesting(HTMLParser):
 
     def handle_endtag(self, tag: str) -> None:
         assert self.open.pop() == tag
-
-
-def settings(**mission: object) -> RunSettings:
-    return RunSettings(
-        tasks="by hand",
-        checksum=read(lines_of(TASKS), "by hand").checksum,
-        count=len(TASKS),
-        backend="embedded",
-        mission=MissionSettings.model_validate(mission),
-        workers=1,
-        versions={"logisticsvln": "0.1.0"},
-    )
-
-
-def a_run(path: Path, records: list[EpisodeRecord], **mission: object) -> Path:
-    with RunFolder(path, settings(**mission), TASKS) as folder:
-        for record in records:
-            folder.add(record, 12.0)
-    return path
 
 
 def recorded(run: Path, task: Task, result: DeliveryResult, drawing: dict[str, object] | None = None) -> EpisodeRecord:
@@ -100,6 +80,7 @@ def two_runs(tmp_path: Path) -> list[Path]:
     missed = a_result("object_not_found", stops=stops((10.0, -6.0, 3.14)))
     a_run(
         first,
+        TASKS,
         [
             a_record(TASKS[0], delivered()),
             a_record(TASKS[1], a_result("wrong_window", a_verdict(right=False))),
@@ -107,7 +88,9 @@ def two_runs(tmp_path: Path) -> list[Path]:
             a_record(TASKS[3], None, error="the simulator <ended>"),
         ],
     )
-    a_run(second, [a_record(task, delivered()) for task in TASKS[:3]], viewpoint=ViewpointSettings(policy="random"))
+    a_run(
+        second, TASKS, [a_record(task, delivered()) for task in TASKS[:3]], viewpoint=ViewpointSettings(policy="random")
+    )
     return [first, second]
 
 
@@ -138,7 +121,9 @@ def test_a_failure_of_the_contour_search_shows_what_it_had_seen_and_what_it_expe
         "way": [(22.0, -2.0), (24.0, 2.0)],
     }
     missed = a_result("object_not_found", stops=stops((10.0, -6.0, 3.14)))
-    page = build_page(load_runs([a_run(tmp_path / "run", [recorded(tmp_path / "run", TASKS[0], missed, drawing)])]))
+    page = build_page(
+        load_runs([a_run(tmp_path / "run", TASKS, [recorded(tmp_path / "run", TASKS[0], missed, drawing)])])
+    )
     cells = {kind: path.count("M") for path, kind in re.findall(r'd="([^"]*)" class="cells (\w+)"', page)}
     assert cells == {"inspected": 2, "uninspected": 1, "expected": 1}
     assert page.count('class="meant"') == 1
@@ -215,14 +200,14 @@ def test_an_album_gives_every_planned_picture_room_even_where_all_take_more_than
 
 
 def test_a_run_without_results_still_has_a_page(tmp_path: Path) -> None:
-    page = build_page(load_runs([a_run(tmp_path / "empty", [])]))
+    page = build_page(load_runs([a_run(tmp_path / "empty", TASKS, [])]))
     parsed(page)
     assert "No episode failed." in page
 
 
 def test_a_folder_outside_the_run_is_never_read(tmp_path: Path, two_runs: list[Path]) -> None:
     outside = a_record(TASKS[1], a_result("blocked"), folder="../first/episodes/t-2")
-    page = build_page(load_runs([a_run(tmp_path / "third", [outside])]))
+    page = build_page(load_runs([a_run(tmp_path / "third", TASKS, [outside])]))
     assert "data:image/jpeg" not in page
 
 
@@ -251,14 +236,19 @@ def test_the_figures_of_single_roles_are_shown_where_a_run_has_them(two_runs: li
 
 
 def test_runs_with_equal_arms_are_told_apart_by_their_folders(tmp_path: Path) -> None:
-    runs = load_runs([a_run(tmp_path / "a", []), a_run(tmp_path / "b", [])])
+    runs = load_runs([a_run(tmp_path / "a", TASKS, []), a_run(tmp_path / "b", TASKS, [])])
     assert [run.label for run in runs] == ["embedded (a)", "embedded (b)"]
 
 
 def test_a_label_says_what_differs_from_the_papers_method() -> None:
-    assert label_of(settings()) == "embedded"
-    assert label_of(settings(choice="centre", floors="direct-count")) == "embedded, centre, no choice, direct count"
-    noisy = settings().model_copy(update={"backend": "oracle", "oracle": {"miss_rate": 0.2, "noise_seed": 4.0}})
+    assert label_of(run_settings(TASKS)) == "embedded"
+    assert (
+        label_of(run_settings(TASKS, choice="centre", floors="direct-count"))
+        == "embedded, centre, no choice, direct count"
+    )
+    noisy = run_settings(TASKS).model_copy(
+        update={"backend": "oracle", "oracle": {"miss_rate": 0.2, "noise_seed": 4.0}}
+    )
     assert label_of(noisy) == "oracle, miss rate 0.2"
 
 
