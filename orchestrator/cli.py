@@ -15,14 +15,13 @@ from pydantic import ValidationError
 from rich.console import Console
 from rich.table import Table
 
-from contracts.depth_assist import ViewpointSettings
-from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, SightingSettings
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult
 from contracts.scene import Scene
-from contracts.sim import Flight
-from orchestrator import sample_library
+from orchestrator import mission_options, sample_library
 from orchestrator.clients import Addresses, Services
 from orchestrator.delivery import BadDelivery, Order, Run
 from orchestrator.doctor import calibrate_with, examine, print_calibration, print_findings
+from orchestrator.mission_options import SEED_HIGH, mission_settings
 from orchestrator.processes import (
     FLIGHT_SERVICES,
     MODULES,
@@ -55,26 +54,16 @@ def deliver(
     request: Annotated[str | None, typer.Argument(help="The customer's words; a sample brings its own.")] = None,
     scene: Annotated[Path | None, typer.Option(help="A scene document (JSON).")] = None,
     sample: Annotated[str | None, typer.Option(help="A shipped delivery; `logisticsvln samples` lists them.")] = None,
-    backend: Annotated[
-        str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")
-    ] = "embedded",
-    viewpoint: Annotated[
-        Literal["paper", "contour", "random", "default"],
-        typer.Option(help="How the search goes on: the paper's rule, the contour explorer, or an ablation."),
-    ] = "paper",
-    choice: Annotated[Literal["model", "centre"], typer.Option(help="Ablation.")] = "model",
-    floors: Annotated[Literal["stepwise", "direct-count"], typer.Option(help="Ablation.")] = "stepwise",
-    sightings: Annotated[
-        Literal["look-again", "claim-at-first-sight"],
-        typer.Option(help="Look at a sighting from nearer before it is claimed, or claim it as the paper does."),
-    ] = "look-again",
-    drift: Annotated[
-        float, typer.Option(min=0, max=0.1, help="How far the reported pose strays per metre flown; 0.01 is 1 %.")
-    ] = 0.0,
-    parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,
-    max_steps: Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")] = 30,
-    image_size: Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")] = 800,
-    seed: Annotated[int, typer.Option(min=0, max=2**31 - 1)] = 0,
+    backend: mission_options.Backend = "embedded",
+    viewpoint: mission_options.Viewpoint = "paper",
+    choice: mission_options.Choice = "model",
+    floors: mission_options.Floors = "stepwise",
+    sightings: mission_options.Sightings = "look-again",
+    drift: mission_options.Drift = 0.0,
+    parser: mission_options.Parser = None,
+    max_steps: mission_options.MaxSteps = 30,
+    image_size: mission_options.ImageSize = 800,
+    seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH)] = 0,
     out: Annotated[Path, typer.Option(help="Where the records go.")] = Path("runs"),
     services: Annotated[
         str | None, typer.Option(help="Running services: name=url,..., or `default`; else own ones are started.")
@@ -82,14 +71,14 @@ def deliver(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly one delivery and show it live. Ends with code 0 only when it was delivered."""
-    settings = MissionSettings(
-        floors=floors,
+    settings = mission_settings(
+        viewpoint=viewpoint,
         choice=choice,
-        viewpoint=ViewpointSettings(policy=viewpoint),
-        sightings=SightingSettings(policy=sightings),
-        flight=Flight(drift=drift),
-        parser_model=parser,
-        max_exploration_steps=max_steps,
+        floors=floors,
+        sightings=sightings,
+        drift=drift,
+        parser=parser,
+        max_steps=max_steps,
         image_size=image_size,
         seed=seed,
     )

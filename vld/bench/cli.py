@@ -14,9 +14,8 @@ import typer
 from pydantic import ValidationError
 from rich.console import Console
 
-from contracts.depth_assist import ViewpointSettings
-from contracts.orchestrator import MissionSettings, SightingSettings
-from contracts.sim import Flight
+from orchestrator import mission_options
+from orchestrator.mission_options import SEED_HIGH, mission_settings
 from vld.absent import without_objects
 from vld.bench.folder import BadFolder, RunFolder
 from vld.bench.progress import LiveProgress, PlainProgress
@@ -45,31 +44,22 @@ def bench(
     absent: Annotated[
         bool, typer.Option("--absent", help="Take the objects away: the search should find none.")
     ] = False,
-    backend: Annotated[
-        str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")
-    ] = "embedded",
-    viewpoint: Annotated[
-        Literal["paper", "contour", "random", "default"], typer.Option(help="The search; the last two are ablations.")
-    ] = "paper",
-    choice: Annotated[Literal["model", "centre"], typer.Option(help="Ablation.")] = "model",
-    floors: Annotated[Literal["stepwise", "direct-count"], typer.Option(help="Ablation.")] = "stepwise",
-    sightings: Annotated[
-        Literal["look-again", "claim-at-first-sight"],
-        typer.Option(help="Look at a sighting from nearer before it is claimed, or claim it as the paper does."),
-    ] = "look-again",
-    drift: Annotated[
-        float, typer.Option(min=0, max=0.1, help="How far the reported pose strays per metre flown; 0.01 is 1 %.")
-    ] = 0.0,
-    parser: Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")] = None,
-    max_steps: Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")] = 30,
-    image_size: Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")] = 800,
-    mission_seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Of the random viewpoint policy.")] = 0,
+    backend: mission_options.Backend = "embedded",
+    viewpoint: mission_options.Viewpoint = "paper",
+    choice: mission_options.Choice = "model",
+    floors: mission_options.Floors = "stepwise",
+    sightings: mission_options.Sightings = "look-again",
+    drift: mission_options.Drift = 0.0,
+    parser: mission_options.Parser = None,
+    max_steps: mission_options.MaxSteps = 30,
+    image_size: mission_options.ImageSize = 800,
+    mission_seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Of the random viewpoint policy.")] = 0,
     miss_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a view with the object says nothing.")] = 0.0,
     false_claim_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a look claims another thing.")] = 0.0,
     floor_miscount_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a count is off by one.")] = 0.0,
     box_jitter: Annotated[float, typer.Option(min=0, max=1, help="Oracle: edges off by this share (sigma).")] = 0.0,
     refusal_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: an answer is declined.")] = 0.0,
-    noise_seed: Annotated[int, typer.Option(min=0, max=2**31 - 1, help="Oracle: of all of these.")] = 0,
+    noise_seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Oracle: of all of these.")] = 0,
     workers: Annotated[
         int | None, typer.Option(min=1, max=MAX_WORKERS, help="Processes that fly.", show_default="one a core")
     ] = None,
@@ -108,14 +98,14 @@ def bench(
             checksum=chosen.checksum,
             count=min(limit or len(chosen.tasks), len(chosen.tasks)),
             backend=backend,
-            mission=MissionSettings(
-                floors=floors,
+            mission=mission_settings(
+                viewpoint=viewpoint,
                 choice=choice,
-                viewpoint=ViewpointSettings(policy=viewpoint),
-                sightings=SightingSettings(policy=sightings),
-                flight=Flight(drift=drift),
-                parser_model=parser,
-                max_exploration_steps=max_steps,
+                floors=floors,
+                sightings=sightings,
+                drift=drift,
+                parser=parser,
+                max_steps=max_steps,
                 image_size=image_size,
                 seed=mission_seed,
             ),
