@@ -148,7 +148,8 @@ class ApproachAnswer(Wire):
     with `clear` where nothing stands in the way but no camera looks along it: turn to `facing_yaw` and look again.
     `reached`: the path ends at `stop` rather than at a cut-off leg. `target_distance_m`: level, from the drone.
     `free_distance_m`: how much of the straight line towards `stop` is free. `status` other than `clear` comes with an
-    empty path: `blocked` where no free way was seen, `no_depth` where nothing is measured in the box."""
+    empty path: `blocked` where no free way was seen, `no_depth` where nothing is measured in the box. `aside`: with
+    `blocked`, a free way to a place that looks at the thing from another side, where there is one."""
 
     status: Literal["clear", "blocked", "no_depth"]
     target: Point3 | None = None
@@ -156,6 +157,7 @@ class ApproachAnswer(Wire):
     plane_share: float | None = None
     stop: Point3 | None = None
     path: tuple[Point3, ...] = ()
+    aside: tuple[Point3, ...] = ()
     reached: bool = False
     target_distance_m: float | None = None
     free_distance_m: float | None = None

@@ -20,6 +20,10 @@ from navigation.camera import (
 )
 from navigation.target import Box, Target
 
+_ANOTHER_SIDE_RAD = math.radians(20.0)
+_BEFORE_THING_M = 1.5
+"""Railings and sills stand so near; they may be looked over from nearer."""
+
 
 class Settings(NamedTuple):
     """Free constants of the approach.
@@ -29,7 +33,8 @@ class Settings(NamedTuple):
     is within so much of the thing's. `max_protrusion_m`: what juts out farther belongs no more to the facade.
     `unseen_m`: so near to the drone the cameras cannot look round; it stands there already, so that is taken as free.
     `slide_offsets_m` and `retreats_m`: where the corner of a two-leg way is tried, sideways from the straight line in
-    front of the thing and out from the stop.
+    front of the thing and out from the stop. `aside_turns_deg` and `aside_out_m`: from where the thing is looked at
+    anew where no way leads to the stop, by bearing from the facade's normal and distance.
     """
 
     drone_radius_m: float = 0.35
@@ -40,6 +45,8 @@ class Settings(NamedTuple):
     unseen_m: float = 1.5
     slide_offsets_m: tuple[float, ...] = (0.0, -1.5, 1.5, -3.0, 3.0, -5.0, 5.0)
     retreats_m: tuple[float, ...] = (2.0, 4.0, 6.0, 9.0, 12.0)
+    aside_turns_deg: tuple[float, ...] = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
+    aside_out_m: tuple[float, ...] = (3.0, 4.5, 6.0)
     target: targets.Settings = targets.Settings()
 
 
@@ -48,7 +55,8 @@ class Approach(NamedTuple):
 
     `path`: waypoints in flying order, without the start; empty where nothing is known to stand in the way but no camera
     looks along it: turn to the facade and look again. `reached`: the path ends at `stop`, not at a cut-off leg.
-    `free_distance_m`: how far the straight line towards the stop is free."""
+    `free_distance_m`: how far the straight line towards the stop is free. `aside`: where that is `blocked`, a free way
+    to where the thing can be looked at from another side; empty where there is none."""
 
     status: Literal["clear", "blocked", "no_depth"]
     target: Target | None = None
@@ -56,6 +64,7 @@ class Approach(NamedTuple):
     path: tuple[Place, ...] = ()
     reached: bool = False
     free_distance_m: float | None = None
+    aside: tuple[Place, ...] = ()
 
 
 def plan_approach(
@@ -88,8 +97,10 @@ def plan_approach(
             halfway = way[:2]
     if halfway is not None:
         return Approach("clear", found, stop, _cut(halfway, max_leg_m)[0], False, free)
-    hidden = free >= math.dist(start, stop) - 1e-6
-    return Approach("clear" if hidden else "blocked", found, stop, (), False, free)
+    if free >= math.dist(start, stop) - 1e-6:
+        return Approach("clear", found, stop, (), False, free)
+    aside = _aside(start, found, points, views, pose, settings)
+    return Approach("blocked", found, stop, (), False, free, _cut(aside, max_leg_m)[0] if aside else ())
 
 
 def stop_place(target: Target, points: Points, pose: Pose, settings: Settings) -> Place:
@@ -140,6 +151,43 @@ def _ways(start: Place, stop: Place, target: Target, settings: Settings) -> Iter
     ]
     ways = {(start, corner, stop) for corner in corners}
     yield from sorted(ways, key=lambda way: (sum(math.dist(a, b) for a, b in pairwise(way)), way))
+
+
+def _aside(
+    start: Place, target: Target, points: Points, views: Sequence[DepthView], pose: Pose, settings: Settings
+) -> tuple[Place, ...]:
+    """The shortest free way to another place that sees the thing, itself included; empty where there is none.
+
+    The normal may be that of a balcony's side or of the neighbouring wall: from another side, the right one shows.
+    """
+    facing = math.atan2(target.normal[1], target.normal[0])
+    sight = math.atan2(start.y - target.place.y, start.x - target.place.x)
+    places = []
+    for turn in settings.aside_turns_deg:
+        angle = facing + math.radians(turn)
+        if abs(math.remainder(angle - sight, math.tau)) < _ANOTHER_SIDE_RAD:
+            continue
+        for out in settings.aside_out_m:
+            places.append(
+                Place(target.place.x + out * math.cos(angle), target.place.y + out * math.sin(angle), start.z)
+            )
+    for place in sorted(places, key=lambda p: math.dist(p, start)):
+        way = (start, place)
+        before = _towards(target.place, place, _BEFORE_THING_M)
+        thin = settings._replace(drone_radius_m=0.1, clearance_m=0.0)
+        if (
+            _is_free(way, points, settings)
+            and _is_seen(way, views, pose, settings)
+            and _is_free((place, before), points, thin)
+        ):
+            return way
+    return ()
+
+
+def _towards(a: Place, b: Place, by_m: float) -> Place:
+    """The point so far from `a` on the straight line to `b`."""
+    share = min(1.0, by_m / math.dist(a, b))
+    return Place(*(p + (q - p) * share for p, q in zip(a, b, strict=True)))
 
 
 def _within_reach(points: Points, start: Place, stop: Place, settings: Settings) -> Points:

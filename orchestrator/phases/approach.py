@@ -17,6 +17,8 @@ NEAR_ENOUGH_M = 0.8
 STILL_NEAR_M = 1.3
 """So much farther than the stop a claim is still worth making where there is no way nearer."""
 TIGHT_CLEARANCE_M = 0.25
+MAX_ASIDES = 2
+"""How often a thing that no way leads to is looked at from another side before the search goes on."""
 
 
 class Arrived(NamedTuple):
@@ -67,6 +69,7 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
             return Lost(found.place, f"only {found.sighting.match.confidence:.2f} sure face to face")
         confirmed = True
     look, sight, box = found.look, found.sight, found.sighting.match.box
+    asides = 0
     for leg in range(1, MAX_LEGS + 1):
         far = distance_m(look.pose, found.place)
         way = await _way(sortie, look, sight, box, far, confirmed, settings)
@@ -74,11 +77,14 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
             if confirmed and far <= settings.stop_distance_m + (STILL_NEAR_M if tight else NEAR_ENOUGH_M):
                 return Arrived(found.place)
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
-            return Lost(found.place, f"leg {leg}: {why}", way.status == "blocked")
-        end = way.path[-1] if way.path else sortie.flown.pose
+            if not way.aside or asides >= MAX_ASIDES:
+                return Lost(found.place, f"leg {leg}: {why}", way.status == "blocked")
+            asides += 1
+        path = way.path or way.aside
+        end = path[-1] if path else sortie.flown.pose
         # until the stop is reached, the front camera keeps the thing in sight
         yaw = way.facing_yaw if way.reached else math.atan2(found.place.y - end.y, found.place.x - end.x)
-        await sortie.fly(way.path, yaw, f"leg {leg} of the approach")
+        await sortie.fly(path, yaw, f"leg {leg} of the approach" + (", to another side of it" if way.aside else ""))
         trail.append(sortie.flown.pose)
         look = await sortie.look()
         again = await _again(exploration, look, found, f"after leg {leg}")
@@ -90,7 +96,8 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
             if way.reached and not confirmed:
                 return Lost(found.place, f"only {again.sighting.match.confidence:.2f} sure from near")
         elif not confirmed:
-            return Lost(found.place, f"not seen again from {distance_m(look.pose, found.place):.1f} m")
+            why = f"not seen again from {distance_m(look.pose, found.place):.1f} m"
+            return Lost(found.place, why, blocked=bool(way.aside))
         else:
             # confirmed before: a thing may leave the picture or the model's grasp as it gets near, its place does not
             remembered = project(found.place, found.sighting.extent, look) if found.sighting.extent else None

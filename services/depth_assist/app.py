@@ -138,6 +138,7 @@ def plan_approach(question: ApproachQuestion) -> ApproachAnswer:
         plane_share=found.target.plane_share,
         stop=None if found.stop is None else _point(found.stop),
         path=tuple(_point(place) for place in found.path),
+        aside=tuple(_point(place) for place in found.aside),
         reached=found.reached,
         target_distance_m=found.target.distance_m,
         free_distance_m=found.free_distance_m,

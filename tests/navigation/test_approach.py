@@ -129,6 +129,19 @@ def test_a_window_behind_a_screen_is_blocked_and_says_how_far_is_free() -> None:
     assert found.free_distance_m == pytest.approx(9.0 - 4.1 - 0.95, abs=0.15)
 
 
+def test_where_no_way_leads_to_the_stop_there_is_one_to_another_side_of_the_thing() -> None:
+    """A fence about the window, with gaps that show the pot but are narrower than the drone."""
+    front = [(-2.0 + 0.8 * k, -4.0) for k in range(9)]
+    sides = [(x, -3.2 + 0.8 * k) for x in (-2.0, 4.4) for k in range(4)]
+    world = World([WALL, POT, *(Prism(rectangle(x, y, 0.2, 0.2), 0.0, 20.0) for x, y in front + sides)])
+    pose = Pose(1.0, -9.0, 8.3, NORTH)
+    found = _plan(world, pose)
+    assert (found.status, found.path, found.reached) == ("blocked", (), False)
+    _assert_flies_clear(world, pose, Approach("clear", path=found.aside))
+    before, after = (math.atan2(p.y + 0.3, p.x - 1.0) for p in (pose, found.aside[-1]))
+    assert abs(math.remainder(after - before, math.tau)) > math.radians(20.0)
+
+
 def test_a_far_target_is_approached_in_legs() -> None:
     pose = Pose(1.0, -30.0, 8.0, NORTH)
     found = _plan(World([WALL, POT]), pose, max_leg_m=10.0)

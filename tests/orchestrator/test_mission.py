@@ -316,6 +316,35 @@ async def test_a_sighting_whose_way_is_not_free_is_tried_again_from_elsewhere(ti
     assert tried[0] != tried[1]
 
 
+class OnlyAsideAtFirst(LocalDepthAssist):
+    """A depth assistant that sees no way in for the first `times` asked, but one to the thing's other side."""
+
+    def __init__(self, times: int) -> None:
+        self._left = times
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        self._left -= 1
+        answer = await super().approach(question)
+        if self._left >= 0:
+            place = Point3(x=question.pose.x + 2.0, y=question.pose.y, z=question.pose.z)
+            return answer.model_copy(update={"status": "blocked", "path": (), "aside": (place,), "reached": False})
+        return answer
+
+
+@pytest.mark.parametrize(("times", "lost"), [(1, 0), (2, 0), (3, 1)])
+async def test_what_no_way_leads_to_is_looked_at_from_another_side_before_the_search_goes_on(
+    times: int, lost: int
+) -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, OnlyAsideAtFirst(times), world)
+    result = await Mission(ports, MissionSettings(), log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    assert result.outcome == "delivered"
+    assert sum("another side" in e.message for e in log.of("move")) == min(times, 2)
+    assert [e.data["blocked"] for e in log.of("lost")][:1] == [True] * lost
+
+
 class ThroughTheWall(LocalDepthAssist):
     """A depth assistant that leads into the building."""
 
