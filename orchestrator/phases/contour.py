@@ -9,6 +9,7 @@ from orchestrator.ports import ServiceRefused
 from orchestrator.sortie import Look, MissionEnd, Sortie
 from orchestrator.wording import with_article
 
+Plan = ExploreAnswer | ServiceRefused
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
 
 
@@ -20,18 +21,25 @@ class ContourSearch:
     inspected_share: float | None = None
     _map: str | None = None
 
-    async def go_on(self, look: Look) -> None:
-        """One move or turn. Raises MissionEnd: object_not_found where nothing is left to inspect; PortError."""
-        sortie = self.sortie
+    async def plan(self, look: Look) -> Plan:
+        """What the explorer says to this look; a refusal after which the search can begin anew is an answer too.
+        Changes nothing. Raises PortError."""
         try:
-            answer = await self._ask(look)
+            return await self._ask(look)
         except ServiceRefused as error:
             if error.code not in BEGIN_ANEW:
                 raise
+            return error
+
+    async def go_on(self, look: Look, plan: Plan) -> None:
+        """One move or turn. Raises MissionEnd: object_not_found where nothing is left to inspect; PortError."""
+        sortie = self.sortie
+        if isinstance(plan, ServiceRefused):
             self._map = None
             turn = sortie.settings.fallback_turn_deg
-            await sortie.fly((), look.pose.yaw + math.radians(turn), f"turn {turn:g}° left: {error}")
+            await sortie.fly((), look.pose.yaw + math.radians(turn), f"turn {turn:g}° left: {plan}")
             return
+        answer = plan
         self._map, self.inspected_share = answer.map, answer.inspected_share
         said = f"{100 * answer.inspected_share:.0f} % of the known facade inspected"
         sortie.write(

@@ -2,8 +2,9 @@
 
 import asyncio
 import math
-from collections.abc import Awaitable, Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 from contracts.depth_assist import (
@@ -78,7 +79,7 @@ class Exploration:
         PortError."""
         sortie, settings = self.sortie, self.sortie.settings
         if leaving is not None and sortie.exploration_steps < settings.max_exploration_steps:
-            await self._go_on(leaving, self._onward(leaving))
+            await (await self._onward(leaving))()
         while sortie.exploration_steps < settings.max_exploration_steps:
             sortie.exploration_steps += 1
             look = await sortie.look()
@@ -89,7 +90,7 @@ class Exploration:
                 if found is not None:
                     return found
                 if sortie.exploration_steps < settings.max_exploration_steps:
-                    await self._go_on(look, onward)
+                    await (await onward)()
             finally:
                 onward.cancel()
                 await asyncio.gather(onward, return_exceptions=True)
@@ -180,11 +181,12 @@ class Exploration:
             d.holds(place, pose, match.confidence, claimable=claimable) for d in self.dismissed
         )
 
-    async def _onward(self, look: Look) -> Onward | None:
-        """Viewpoint (eq. 4-6) and safe distances (eq. 7); null where the explorer leads. Changes nothing."""
-        if self.contour is not None:
-            return None
+    async def _onward(self, look: Look) -> Callable[[], Awaitable[None]]:
+        """Works the way on out and changes nothing; what comes back flies it: the explorer's stop, or the paper's
+        viewpoint (eq. 4-6), safe distances (eq. 7) and the point chosen among them."""
         sortie = self.sortie
+        if self.contour is not None:
+            return partial(self.contour.go_on, look, await self.contour.plan(look))
         view = await self._viewpoint(look)
         sight = look.sights[view.heading_deg]
         asked = SafeDistancesQuestion(
@@ -193,18 +195,14 @@ class Exploration:
             settings=sortie.settings.safe_distances,
         )
         safe = await sortie.timed("safe_distances", sortie.ports.depth.safe_distances(asked))
-        return Onward(view, safe, encode_jpeg(mark_points(sight.rgb, marks_of(self._offered(safe)))))
+        marked = encode_jpeg(mark_points(sight.rgb, marks_of(self._offered(safe))))
+        return partial(self._go_on, look, Onward(view, safe, marked))
 
     def _offered(self, safe: SafeDistancesAnswer) -> list[DirectionPoint]:
         return [p for p in safe.points if p.distance_m >= self.sortie.settings.min_move_m]
 
-    async def _go_on(self, look: Look, coming: Awaitable[Onward | None]) -> None:
-        """The chosen point, and the flight; or the explorer's stop."""
-        onward = await coming
-        if self.contour is not None:
-            await self.contour.go_on(look)
-        if onward is None:
-            return
+    async def _go_on(self, look: Look, onward: Onward) -> None:
+        """The chosen point, and the flight."""
         sortie = self.sortie
         self._d_max_m = onward.view.d_max_next_m
         chosen = await self._choose(onward)
