@@ -26,6 +26,7 @@ _ARRIVED_M = 1.5
 _PATIENCE = 4
 _MOST_PLANS = 8
 _LEAST_PATCH_M = 1.0
+_WIDE_BERTH_COST = 6.0
 
 
 class NoFacade(ValueError):
@@ -118,6 +119,9 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
         goal = choose_goal(grid, left, clear, walls, pose, settings) if left.any() else None
         if goal is not None:
             decision = next_stop(grid, goal, clear, walls, pose, near, settings)
+            if decision is None:  # something sticks out close by: first away from it, then on
+                wide = choose_goal(grid, left, clear, walls, pose, settings, _WIDE_BERTH_COST)
+                decision = None if wide is None else next_stop(grid, wide, clear, walls, pose, near, settings)
             if decision is not None:
                 return _await(memory, decision, left, settings)
             if memory.stuck < _PATIENCE and (turn := _turn(memory, goal, left, pose, settings)) is not None:

@@ -45,11 +45,14 @@ class Decision(NamedTuple):
     way: tuple[tuple[float, float], ...] = ()
 
 
-def choose_goal(grid: Map, left: Bools, clear: Floats, walls: Bools, pose: Pose, settings: Settings) -> Goal | None:
+def choose_goal(
+    grid: Map, left: Bools, clear: Floats, walls: Bools, pose: Pose, settings: Settings, tight_cost: float = 1.0
+) -> Goal | None:
     """The place with the best gain / (way + bias) of those that see the piece of facade that is reached cheapest:
-    nothing is left behind. None where no place that can be reached sees anything."""
+    nothing is left behind. `tight_cost`: of a metre with little room beside the drone. None where no place that can be
+    reached sees anything."""
     here = np.array((pose.x, pose.y))
-    room = path.Room(settings.way_clearance_m, settings.tight_way_clearance_m, settings.unknown_cost)
+    room = path.Room(settings.way_clearance_m, settings.tight_way_clearance_m, settings.unknown_cost, tight_cost)
     cost = path.lattice_costs(grid, clear, walls, here, room)
     pieces = np.flatnonzero(left.reshape(-1))
     each = max(1, math.ceil(len(pieces) / path.MAX_PIECES))

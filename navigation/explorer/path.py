@@ -57,11 +57,13 @@ def wall_from(grid: Map, x: float, y: float, along: tuple[float, float], length_
 
 
 class Room(NamedTuple):
-    """What a way needs: `need_m` of clearance, `tight_m` near the drone; what a metre of unknown country costs."""
+    """What a way needs: `need_m` of clearance, `tight_m` near the drone; what a metre costs of unknown country, and of
+    a place near the drone with less room than `need_m`."""
 
     need_m: float
     tight_m: float
     unknown_cost: float
+    tight_cost: float = 1.0
 
 
 def lattice_costs(grid: Map, clear_m: Floats, walls: Bools, at: Floats, room: Room) -> Floats:
@@ -74,8 +76,10 @@ def lattice_costs(grid: Map, clear_m: Floats, walls: Bools, at: Floats, room: Ro
     columns = (np.arange(LATTICE) * STRIDE + 0.5) * CELL_M + grid.west_m - at[0]
     beside = np.hypot(columns[None, :], rows[:, None]) <= 3.0
     clear = clear_m[::STRIDE, ::STRIDE]
-    blocked = (clear < room.need_m) & ~(beside & (clear >= room.tight_m))
+    narrow = clear < room.need_m
+    blocked = narrow & ~(beside & (clear >= room.tight_m))
     cost = np.where(grid.state[::STRIDE, ::STRIDE] == UNKNOWN, room.unknown_cost, 1.0)
+    cost[narrow] *= room.tight_cost
     cost[blocked | walls[::STRIDE, ::STRIDE]] = np.inf
     out: Floats = np.pad(cost, _PAD, constant_values=np.inf).reshape(-1)
     return out

@@ -76,6 +76,19 @@ def test_the_way_keeps_the_clearance_and_goes_round() -> None:
     assert clear.min() >= ROOM.need_m
 
 
+def test_a_tight_place_beside_the_drone_may_be_left_by_the_wide_side() -> None:
+    """A spike 2 m off the drone: the straight way passes it with less room than it needs, a dear one keeps away."""
+    grid = _field((1.5, -1.5, 2.0, -1.0))
+    clear, here = path.clearance_m(grid), np.array((0.5, 0.5))
+    start, goal = path.nodes_of(grid, np.array([[0.5, 0.5], [8.0, -0.5]]))
+    least = {}
+    for tight_cost in (1.0, 6.0):
+        cost = path.lattice_costs(grid, clear, NO_WALLS, here, ROOM._replace(tight_cost=tight_cost))
+        way = path.way_to(grid, path.spread(cost, int(start), 60.0), int(goal))
+        least[tight_cost] = float(clear.reshape(-1)[cells_of(grid, way)].min())
+    assert ROOM.tight_m <= least[1.0] < ROOM.need_m <= least[6.0]
+
+
 def test_a_wall_of_the_cut_is_not_crossed() -> None:
     grid = _field()
     walls = path.wall_from(grid, 4.0, -60.0, (0.0, 1.0), 120.0, 1.25)
