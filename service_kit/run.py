@@ -1,5 +1,6 @@
 """Run one service as a process: JSON log lines, graceful stop on SIGTERM."""
 
+import contextlib
 import json
 import logging
 import os
@@ -45,15 +46,27 @@ def run(app: ASGIApp, settings: Settings, default_port: int) -> None:
     parent = settings.integer("PARENT_PID", 0, 0, 2**31 - 1)
     if parent:
         threading.Thread(target=_end_with, args=(parent,), name="parent", daemon=True).start()
-    uvicorn.run(
+    host = settings.text("HOST", "127.0.0.1") or "127.0.0.1"
+    port = settings.integer("PORT", default_port, 1, 65535)
+    server = uvicorn.Server(server_config(app, host, port, timeout_graceful_shutdown=5))
+    with contextlib.suppress(KeyboardInterrupt):
+        server.run()
+    if not server.started:
+        sys.exit("the service did not start")
+
+
+def server_config(app: ASGIApp, host: str, port: int, timeout_graceful_shutdown: int) -> uvicorn.Config:
+    """How every service is served. An app with an `http_protocol` speaks HTTP by that instead of uvicorn's own."""
+    return uvicorn.Config(
         app,
-        host=settings.text("HOST", "127.0.0.1") or "127.0.0.1",
-        port=settings.integer("PORT", default_port, 1, 65535),
+        host=host,
+        port=port,
+        http=getattr(app, "http_protocol", "httptools"),
         log_config=None,
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        timeout_graceful_shutdown=5,
+        timeout_graceful_shutdown=timeout_graceful_shutdown,
         timeout_keep_alive=30,
     )
 

@@ -12,6 +12,8 @@ import pytest
 import uvicorn
 from starlette.types import ASGIApp
 
+from service_kit.run import server_config
+
 Serve = Callable[[ASGIApp], str]
 
 
@@ -29,8 +31,7 @@ def serve() -> Iterator[Serve]:
 
     def start(app: ASGIApp) -> str:
         port = free_port()
-        config = uvicorn.Config(app, host="127.0.0.1", port=port, log_config=None, timeout_graceful_shutdown=2)
-        server = uvicorn.Server(config)
+        server = uvicorn.Server(server_config(app, "127.0.0.1", port, timeout_graceful_shutdown=2))
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         running.append((server, thread))

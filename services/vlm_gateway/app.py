@@ -31,13 +31,15 @@ from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.backends.chat import ChatBackend
 from services.vlm_gateway.errors import ModelTimeout
 from services.vlm_gateway.gateway import Gateway
-from services.vlm_gateway.hot.door import PATH, HotDoor, Limits
+from services.vlm_gateway.hot.door import HotDoor
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.models import Models
+from services.vlm_gateway.hot.server import PATH
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import gauge
 
 MAX_BODY_BYTES = 24 * 1024 * 1024
+BODY_WITHIN_S = 30.0
 BIG_BODY_BYTES = 512 * 1024
 """From here on a body is parsed in a thread, so that health checks and other callers are still answered."""
 
@@ -51,6 +53,7 @@ def build_app(
     keys: Keys | None = None,
     log_share: float = 0.0,
     max_body_bytes: int = MAX_BODY_BYTES,
+    body_within_s: float = BODY_WITHIN_S,
 ) -> HotDoor:
     """The service over a wired `gateway`: the framework's app behind the door for chats. Its cache is started and
     everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
@@ -119,7 +122,8 @@ def build_app(
     async def chat_completions(body: dict[str, Any]) -> Response:
         """OpenAI's chat completions for the configured chat models, streamed or not. `x-cache: on` or `off` in the
         request overrides that only answers at temperature 0 are cached."""
-        raise AssertionError("hot/door.py answers this; the route is here for the API's description")
+        # hot/server.py sends chats past here; the route is there for the API's description, and for what is left
+        raise ServiceError("send chats as plain HTTP/1.1, without Upgrade", code="no_upgrade", status=400)
 
     @app.get("/v1/models")
     async def models() -> dict[str, object]:
@@ -150,7 +154,15 @@ def build_app(
         return {"models": models, "roles": dict(gateway.roles), "cache": cached}
 
     return HotDoor(
-        app, passed_on, keys or Keys({}), cache, gateway.metrics, metrics, log, Limits(max_body_bytes=max_body_bytes)
+        app,
+        passed_on,
+        keys or Keys({}),
+        cache,
+        gateway.metrics,
+        metrics,
+        log,
+        max_body_bytes=max_body_bytes,
+        body_within_s=body_within_s,
     )
 
 

@@ -1,6 +1,6 @@
 """`POST /v1/chat/completions` from the first byte to the last, in front of the framework that serves everything else.
 
-    whose request is it, and may it    key, budgets                              `_chat`
+    whose request is it, and may it    key, budgets                              `chat`
     what is in it                      body, bounded; pictures cut out           `_body`, scan
     is it known                        hash of tenant, configuration, raw body   `_known`
     is it sound                        fields, pictures' headers                 scan.read
@@ -13,10 +13,12 @@ The answer's bytes are the model server's own.
 
 import asyncio
 import json
+import logging
+from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
 
 from blake3 import blake3
+from fastapi.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from contracts.errors import ErrorBody, ErrorDetail
@@ -24,28 +26,26 @@ from service_kit.errors import ServiceError, error_response
 from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.port import CacheDown
-from services.vlm_gateway.errors import (
-    CacheUnavailable,
-    ModelOverloaded,
-    NotRecorded,
-)
+from services.vlm_gateway.errors import CacheUnavailable, ModelOverloaded, NotRecorded
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.models import Answered, Errand, Models
 from services.vlm_gateway.hot.relay import Broadcast
 from services.vlm_gateway.hot.scan import Scanned, read, scan
-from services.vlm_gateway.hot.visit import Head, Stored, Visit, head_of
-from services.vlm_gateway.hot.watch import Watch, caller_left, slow_body, too_late
+from services.vlm_gateway.hot.server import PATH, HotProtocol
+from services.vlm_gateway.hot.visit import Head, Stored, Visit, head_of, too_large
+from services.vlm_gateway.hot.watch import slow_body, too_late
 from services.vlm_gateway.keys import Forbidden, Key, Keys, asking
 from services.vlm_gateway.metrics import Children, GatewayMetrics
 
-PATH = "/v1/chat/completions"
+log = logging.getLogger(__name__)
+
 OPEN_PATHS = frozenset({"/healthz", "/readyz"})
 ADMIN_PATHS = frozenset({"/metrics", "/v1/status"})
 BIG_SKELETON_BYTES = 256 * 1024
 """From here on what is left of a body is parsed in a thread, so that other callers are still answered."""
-BODY_WITHIN_S = 30.0
 MAX_HELD_BYTES = 512 * 1024 * 1024
+"""Of all requests under way together."""
 FORMAT = b"2"
 """Part of every key; raise it when the form of the stored answers changes."""
 
@@ -53,15 +53,8 @@ _JSON = b"application/json"
 _EVENTS = b"text/event-stream; charset=utf-8"
 
 
-class Limits(NamedTuple):
-    """`max_body_bytes` of one request, `max_held_bytes` of all under way together."""
-
-    max_body_bytes: int
-    max_held_bytes: int = MAX_HELD_BYTES
-
-
 class HotDoor:
-    """An ASGI app in front of another: keys for every one of them, and the whole of this one."""
+    """Chats, whole, and an ASGI app for everything else: that of the framework, behind the same keys."""
 
     def __init__(
         self,
@@ -71,8 +64,10 @@ class HotDoor:
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
         http: HttpMetrics,
-        log: RequestLog,
-        limits: Limits,
+        request_log: RequestLog,
+        *,
+        max_body_bytes: int,
+        body_within_s: float,
     ) -> None:
         self._app = app
         self._default = models.default or ""
@@ -82,8 +77,9 @@ class HotDoor:
         self._http = http
         self._requests = Children(http.requests)
         self._seconds = http.seconds.labels(PATH, "POST")
-        self._log = log
-        self._limits = limits
+        self._log = request_log
+        self.max_body_bytes = max_body_bytes
+        self._body_within_s = body_within_s
         self._models = models
         self._held = 0
         self._flights: Flights[Answered] = Flights()
@@ -91,30 +87,27 @@ class HotDoor:
         self._hashes: dict[Key, blake3] = {}
         self._configured = blake3(FORMAT + json.dumps(models.fingerprint).encode()).digest()
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
-            await self._app(scope, receive, send)
-        elif scope["path"] == PATH and scope["method"] == "POST":
-            await self._chat(scope, receive, send)
-        else:
-            await self._other(scope, receive, send)
+    @property
+    def http_protocol(self) -> Callable[..., asyncio.Protocol]:
+        """What the server is to speak with callers by."""
+        return partial(HotProtocol, self)
 
-    async def _other(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Everything else: the same keys and budgets, then the framework."""
-        path = scope["path"]
-        if path in OPEN_PATHS:
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Everything but chats: the same keys and budgets, then the framework."""
+        path = scope["path"] if scope["type"] == "http" else ""
+        if not path or path in OPEN_PATHS:
             await self._app(scope, receive, send)
             return
         counted = scope["method"] == "POST" and path.startswith("/v1/")
         try:
-            key = self._keys.of(head_of(scope).authorization)
+            key = self._keys.of(head_of(scope["headers"]).authorization)
             if path in ADMIN_PATHS and not key.admin:
                 raise Forbidden("this key may not read the gateway's figures; use the operator's, or one with admin")
             if counted:
                 key.enter()
         except ServiceError as error:
             self._metrics.refused("", error.code)
-            await _tell(error, scope, receive, send)
+            await _rendered(error)(scope, receive, send)
             self._http.requests.labels("refused", scope["method"], str(error.status)).inc()
             return
         asking.set(key)
@@ -124,48 +117,52 @@ class HotDoor:
             if counted:
                 key.leave()
 
-    async def _chat(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def chat(self, visit: Visit) -> None:
         """One chat, its errors and its figures."""
-        visit = Visit(send)
         self._http.in_flight.inc()
         try:
-            key = self._keys.of(head_of(scope).authorization)
-            visit.key = key
-            key.enter()
-            asking.set(key)
+            head = visit.head
+            visit.key = self._keys.of(head.authorization)
+            visit.key.enter()
+            asking.set(visit.key)
             try:
-                await self._watched(scope, receive, visit)
+                await self._watched(head, visit)
             finally:
-                key.leave()
+                visit.key.leave()
         except ServiceError as error:
-            visit.outcome = error.code
-            if error.status in (401, 429):
-                self._metrics.refused(visit.key.name, error.code)
-            if not visit.started:
-                visit.status = error.status
-                await _tell(error, scope, receive, send)
-            elif error.status != 499:
-                await send({"type": "http.response.body", "body": _event(error)})
+            self._fail(error, visit)
+        except Exception as error:
+            log.error("unexpected error in a chat", exc_info=error)
+            message = "an unexpected error; the service's log has the details"
+            self._fail(ServiceError(message), visit)
         finally:
+            visit.close()
             self._http.in_flight.dec()
             self._count(visit)
 
-    async def _watched(self, scope: Scope, receive: Receive, visit: Visit) -> None:
+    def _fail(self, error: ServiceError, visit: Visit) -> None:
+        """An error answer, or where a stream has begun its last event."""
+        visit.outcome = error.code
+        if error.status in (401, 429):
+            self._metrics.refused(visit.key.name, error.code)
+        if not visit.started:
+            if error.status in (408, 413):
+                visit.keep_alive = False  # what is left of the body is not going to be read
+            visit.tell(_rendered(error))
+        elif not visit.response_complete:
+            visit.last(_event(error))
+
+    async def _watched(self, head: Head, visit: Visit) -> None:
         """The chat, for as long as its caller stays and is going to wait."""
-        watch = Watch(receive)
+        watch = visit.watch
         held = 0
         try:
-            head = head_of(scope)
             limit_s = head.timeout_s
-            watch.limit(BODY_WITHIN_S, slow_body)
-            raw = await self._body(head, receive)
+            raw = await self._body(head, visit)
             held = len(raw)
             self._held += held
-            if limit_s is None:
-                watch.unlimited()
-            else:
+            if limit_s is not None:
                 watch.limit(max(0.001, limit_s - visit.took_s()), partial(too_late, limit_s))
-            watch.caller()
             await self._served(head, raw, visit)
         except asyncio.CancelledError:
             if watch.why is None:
@@ -176,30 +173,18 @@ class HotDoor:
             raise watch.why from None
         finally:
             self._held -= held
-            watch.close()
 
-    async def _body(self, head: Head, receive: Receive) -> bytes:
+    async def _body(self, head: Head, visit: Visit) -> bytes:
         """The request's body, bounded while it comes in."""
-        limit = self._limits.max_body_bytes
-        if head.length > limit:
-            raise _too_large(limit)
-        if self._held + head.length > self._limits.max_held_bytes:
+        if head.length > self.max_body_bytes:
+            raise too_large(self.max_body_bytes)
+        if self._held + head.length > MAX_HELD_BYTES:
             raise ModelOverloaded("the gateway holds as many bytes of requests as it may; ask again later")
-        message = await receive()
-        body: bytes = message.get("body", b"")
-        if message.get("more_body", False):
-            pieces, size = [body], len(body)
-            while message.get("more_body", False):
-                message = await receive()
-                pieces.append(message.get("body", b""))
-                size += len(pieces[-1])
-                if size > limit:
-                    raise _too_large(limit)
-            body = b"".join(pieces)
-        if message["type"] == "http.disconnect":
-            raise caller_left()
-        if len(body) > limit:
-            raise _too_large(limit)
+        if visit.body_is_whole:
+            return await visit.body()
+        visit.watch.limit(self._body_within_s, slow_body)
+        body = await visit.body()
+        visit.watch.unlimited()
         return body
 
     async def _served(self, head: Head, raw: bytes, visit: Visit) -> None:
@@ -211,7 +196,7 @@ class HotDoor:
             digest = self._digest(visit.key, scanned)
             if (stored := await self._known(digest, cache)) is not None:
                 visit.alias, visit.cache = stored.alias, "hit"
-                await visit.answer(stored.body, _EVENTS if stored.stream else _JSON)
+                visit.answer(stored.body, _EVENTS if stored.stream else _JSON)
                 return
         big = len(scanned.skeleton) > BIG_SKELETON_BYTES
         scanned, chat = await asyncio.to_thread(read, scanned) if big else read(scanned)
@@ -227,10 +212,10 @@ class HotDoor:
         elif digest:
             landed = await self._flights.share(digest, partial(self._models.whole, errand))
             visit.cache = "hit" if landed.shared else "miss"
-            await visit.answer(landed.value.body, _JSON, landed.value.alias)
+            visit.answer(landed.value.body, _JSON, landed.value.alias)
         else:
             answered = await self._models.whole(errand)
-            await visit.answer(answered.body, _JSON, answered.alias)
+            visit.answer(answered.body, _JSON, answered.alias)
 
     def _digest(self, key: Key, scanned: Scanned) -> str:
         """What an answer is kept under: everything that says who may have it and what it depends on."""
@@ -277,7 +262,7 @@ class HotDoor:
                 await visit.piece(piece, _EVENTS)
         finally:
             await pieces.aclose()
-        await visit.end()
+        visit.end()
 
     def _count(self, visit: Visit) -> None:
         took_s = visit.took_s()
@@ -297,18 +282,10 @@ class HotDoor:
             )
 
 
-async def _tell(error: ServiceError, scope: Scope, receive: Receive, send: Send) -> None:
-    answer = error_response(error.status, error.code, error.message, error.details, error.headers)
-    if error.status in (408, 413):
-        answer.headers["connection"] = "close"  # what is left of the body is not going to be read
-    await answer(scope, receive, send)
+def _rendered(error: ServiceError) -> Response:
+    return error_response(error.status, error.code, error.message, error.details, error.headers)
 
 
 def _event(error: ServiceError) -> bytes:
     body = ErrorBody(error=ErrorDetail(code=error.code, message=error.message, details=error.details))
     return b"\n\ndata: " + body.model_dump_json().encode() + b"\n\n"  # first ends whatever line was cut
-
-
-def _too_large(limit: int) -> ServiceError:
-    message = f"the body is over this route's limit of {limit} bytes; send less"
-    return ServiceError(message, code="body_too_large", status=413)

@@ -1,17 +1,24 @@
-"""One request on its way: what its head says, what became of it, and the form in which answers are kept."""
+"""One chat: its request as it comes in, its answer as it goes out, and what became of it."""
 
+import asyncio
 import re
 import time
-from typing import NamedTuple, Self
+from collections.abc import Iterable
+from typing import ClassVar, NamedTuple, Protocol, Self
 
-from starlette.types import Scope, Send
+from fastapi.responses import Response
+from uvicorn.protocols.http.flow_control import FlowControl
+from uvicorn.protocols.http.httptools_impl import STATUS_LINE
+from uvicorn.server import ServerState
 
 from contracts.vlm_gateway import CacheResult
-from service_kit.errors import BadQuestion
+from service_kit.errors import BadQuestion, ServiceError
+from services.vlm_gateway.hot.watch import Watch, caller_left
 from services.vlm_gateway.keys import ANYBODY, Key
 
 _TRACEPARENT = re.compile(rb"00-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 _CACHE_HEADER = {b"on": True, b"off": False}
+Header = tuple[bytes, bytes]
 
 
 class Head(NamedTuple):
@@ -47,9 +54,9 @@ class Head(NamedTuple):
         return limit_s
 
 
-def head_of(scope: Scope) -> Head:
-    """What is written wrongly is found when it is used."""
-    found = dict(scope["headers"])
+def head_of(headers: Iterable[Header]) -> Head:
+    """Names are in lower case. What is written wrongly is found when it is used."""
+    found = dict(headers)
     length = found.get(b"content-length", b"0")
     trace = found.get(b"traceparent")
     return Head(
@@ -61,12 +68,38 @@ def head_of(scope: Scope) -> Head:
     )
 
 
-class Visit:
-    """What becomes of one request. `status` and `sent` (bytes of the answer) are what its caller saw."""
+class Line(Protocol):
+    """The connection that a visit came on, as uvicorn keeps it."""
 
-    def __init__(self, send: Send) -> None:
-        self._send = send
+    transport: asyncio.Transport
+    flow: FlowControl
+    server_state: ServerState
+
+    def on_response_complete(self) -> None: ...
+
+
+class Visit:
+    """`size` is how many bytes of the body have come, `status` and `sent` (bytes of the answer) what its caller saw.
+    To its connection it is a cycle of uvicorn's: `keep_alive`, `disconnected`, `response_complete` and `message_event`
+    are what is looked at there."""
+
+    message_event: ClassVar[asyncio.Event] = asyncio.Event()  # nobody waits for it
+
+    def __init__(
+        self, line: Line, headers: list[Header], keep_alive: bool, expects_100: bool, max_body_bytes: int
+    ) -> None:
+        self._line = line
+        self._headers = headers
+        self._expects_100 = expects_100
+        self._max_body_bytes = max_body_bytes
         self._began = time.perf_counter()
+        self._pieces: list[bytes] = []
+        self._waiter: asyncio.Future[None] | None = None
+        self.size = 0
+        self.body_is_whole = False
+        self.keep_alive = keep_alive
+        self.disconnected = False
+        self.response_complete = False
         self.key: Key = ANYBODY
         self.alias = ""
         self.outcome = "gone"
@@ -75,36 +108,129 @@ class Visit:
         self.sent = 0
         self.started = False
 
+    @property
+    def head(self) -> Head:
+        return head_of(self._headers)
+
     def took_s(self) -> float:
         return time.perf_counter() - self._began
 
-    async def answer(self, body: bytes, kind: bytes, alias: str | None = None) -> None:
+    # -- what the connection tells
+
+    def begins(self, task: asyncio.Task[None]) -> None:
+        """It is this task that serves the visit."""
+        self.watch = Watch(task)
+
+    def came(self, piece: bytes) -> None:
+        """A piece of the body; of one that is too large, or answered already, no more is kept."""
+        if self.size <= self._max_body_bytes and not self.response_complete:
+            self._pieces.append(piece)
+            self.size += len(piece)
+            if self.size > self._max_body_bytes:
+                self._pieces.clear()
+                self._wake()
+
+    def came_whole(self) -> None:
+        self.body_is_whole = True
+        self._wake()
+
+    def left(self) -> None:
+        """The caller is gone."""
+        self.disconnected = True
+        if not self.response_complete:
+            self.watch.end(caller_left())
+
+    def _wake(self) -> None:
+        if self._waiter is not None and not self._waiter.done():
+            self._waiter.set_result(None)
+
+    # -- what its door asks for
+
+    async def body(self) -> bytes:
+        """All of it. Raises ServiceError where it is over its bound."""
+        if not self.body_is_whole and self.size <= self._max_body_bytes:
+            if self._expects_100:
+                self._line.transport.write(b"HTTP/1.1 100 Continue\r\n\r\n")
+            self._waiter = asyncio.get_running_loop().create_future()
+            await self._waiter
+        if self.size > self._max_body_bytes:
+            raise too_large(self._max_body_bytes)
+        pieces, self._pieces = self._pieces, []
+        return pieces[0] if len(pieces) == 1 else b"".join(pieces)
+
+    def answer(self, body: bytes, kind: bytes, alias: str | None = None) -> None:
         """The whole answer; `alias` where another model than the one that was asked may have given it."""
         if alias is not None:
             self.alias = alias
-        headers = [
-            (b"content-type", kind),
-            (b"content-length", str(len(body)).encode()),
-            (b"x-cache", self.cache.encode()),
-        ]
-        self.started, self.status, self.sent = True, 200, len(body)
-        await self._send({"type": "http.response.start", "status": 200, "headers": headers})
-        await self._send({"type": "http.response.body", "body": body})
+        length = str(len(body)).encode()
+        headers = ((b"content-type", kind), (b"content-length", length), (b"x-cache", self.cache.encode()))
+        self._write(self._head(200, headers) + body)
+        self.sent = len(body)
         self.outcome = "answered"
+        self._complete()
+
+    def tell(self, answer: Response) -> None:
+        """An answer of another kind: an error."""
+        self._write(self._head(answer.status_code, answer.raw_headers) + answer.body)
+        self._complete()
 
     async def piece(self, body: bytes, kind: bytes) -> None:
-        """A piece of a streamed answer."""
+        """A piece of a streamed answer, once the caller has room for it."""
         if not self.started:
-            self.started, self.status = True, 200
-            headers = [(b"content-type", kind), (b"cache-control", b"no-store"), (b"x-cache", self.cache.encode())]
-            await self._send({"type": "http.response.start", "status": 200, "headers": headers})
+            headers = ((b"content-type", kind), (b"cache-control", b"no-store"), (b"x-cache", self.cache.encode()))
+            self._write(self._head(200, (*headers, (b"transfer-encoding", b"chunked"))))
+        if self._line.flow.write_paused:
+            await self._line.flow.drain()
         self.sent += len(body)
-        await self._send({"type": "http.response.body", "body": body, "more_body": True})
+        self._write(_chunk(body))
 
-    async def end(self) -> None:
+    def end(self) -> None:
         """The end of a streamed answer."""
         self.outcome = "answered"
-        await self._send({"type": "http.response.body", "body": b""})
+        self._write(b"0\r\n\r\n")
+        self._complete()
+
+    def last(self, body: bytes) -> None:
+        """The end of a streamed answer that is none."""
+        self._write(_chunk(body) + b"0\r\n\r\n")
+        self._complete()
+
+    def close(self) -> None:
+        """Nothing follows: what has no end by now is broken off."""
+        self.watch.unlimited()
+        if not self.response_complete:
+            self.response_complete = True
+            self._line.transport.close()
+
+    def _head(self, status: int, headers: Iterable[Header]) -> bytes:
+        self.started, self.status = True, status
+        parts = [STATUS_LINE[status]]
+        for name, value in self._line.server_state.default_headers:
+            parts += (name, b": ", value, b"\r\n")
+        for name, value in headers:
+            parts += (name, b": ", value, b"\r\n")
+        parts.append(b"\r\n" if self.keep_alive else b"connection: close\r\n\r\n")
+        return b"".join(parts)
+
+    def _write(self, data: bytes) -> None:
+        if not self.disconnected:
+            self._line.transport.write(data)
+
+    def _complete(self) -> None:
+        self.response_complete = True
+        if not self.keep_alive:
+            self._line.transport.close()
+        self._line.on_response_complete()
+
+
+def _chunk(body: bytes) -> bytes:
+    return b"%x\r\n" % len(body) + body + b"\r\n"
+
+
+def too_large(limit: int) -> ServiceError:
+    """The body is over its bound."""
+    message = f"the body is over this route's limit of {limit} bytes; send less"
+    return ServiceError(message, code="body_too_large", status=413)
 
 
 class Stored(NamedTuple):

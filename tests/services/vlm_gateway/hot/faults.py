@@ -23,6 +23,7 @@ import httpx
 import uvicorn
 from aiohttp import web
 
+from service_kit.run import server_config
 from services.vlm_gateway.cache.redis import RedisCache
 from tests.conftest import RedisProcess, free_port
 from tests.services.vlm_gateway.kit import build, chat_backend
@@ -196,7 +197,7 @@ def _gateway(mock: OpenAiMock | None, redis: RedisProcess | None = None) -> Iter
     cache = None if redis is None else RedisCache(redis.url, ttl_s=0)
     app = build({"m": chat_backend(mock, timeout_s=TIMEOUT_S if redis is None else 10.0)}, cache=cache).app
     port = free_port()
-    server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=port, log_config=None))
+    server = uvicorn.Server(server_config(app, "127.0.0.1", port, timeout_graceful_shutdown=2))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:
