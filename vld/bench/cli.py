@@ -125,7 +125,8 @@ def bench(
     mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
     if subtask is not None:
         gateway = _gateway(mode, recording, settings.oracle)
-        ask_alone(subtask, _first(chosen, settings.count), settings, gateway, console, out, as_json=as_json)
+        some, cores = _first(chosen, settings.count), one_core_each(os.environ)
+        ask_alone(subtask, some, settings, cores, gateway, console, out, as_json=as_json)
         return
     place = out or Path("runs") / f"bench-{time.strftime('%Y%m%d-%H%M%S')}"
     try:

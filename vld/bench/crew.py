@@ -10,8 +10,10 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
+from contracts.base import Wire
 from orchestrator.record import now
-from vld.bench.worker import LINE_LIMIT, Job, Order, Ready
+from vld.bench.serving import LINE_LIMIT, Ready
+from vld.bench.worker import Job, Order
 from vld.records import EpisodeRecord, Task
 
 STOP_S = 30.0
@@ -35,29 +37,33 @@ class Member(Protocol):
     async def stop(self) -> None: ...
 
 
-class Hand:
-    """One worker process. `log`: where its standard error goes."""
+class Pipe:
+    """A worker's process: `python -m MODULE`, one line in, one line out. `log`: where its standard error goes."""
 
-    def __init__(self, job: Job, log: Path) -> None:
+    def __init__(self, module: str, job: Wire, log: Path) -> None:
+        self._module = module
         self._job = job
         self._log = log
         self._process: asyncio.subprocess.Process | None = None
 
     async def start(self) -> None:
         """Returns when its services are ready. Raises WorkerCantStart."""
-        self._log.parent.mkdir(parents=True, exist_ok=True)
-        with self._log.open("ab") as log:
-            self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "vld.bench.worker"),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=log,
-                limit=LINE_LIMIT,
-                # Ctrl-C reaches the run only, which then ends its workers in order
-                start_new_session=True,
-            )
         try:
-            ready = Ready.model_validate_json(await self._ask(self._job.model_dump_json()))
+            self._log.parent.mkdir(parents=True, exist_ok=True)
+            with self._log.open("ab") as log:
+                self._process = await asyncio.create_subprocess_exec(
+                    *(sys.executable, "-m", self._module),
+                    stdin=asyncio.subprocess.PIPE,
+                    stdout=asyncio.subprocess.PIPE,
+                    stderr=log,
+                    limit=LINE_LIMIT,
+                    # Ctrl-C reaches the run only, which then ends its workers in order
+                    start_new_session=True,
+                )
+        except OSError as error:
+            raise WorkerCantStart(f"a worker did not start ({error})") from None
+        try:
+            ready = Ready.model_validate_json(await self.ask(self._job))
         except (WorkerBroke, ValidationError) as error:
             await self.stop()
             raise WorkerCantStart(f"a worker did not start ({error}); its log is {self._log}") from None
@@ -65,17 +71,21 @@ class Hand:
             await self.stop()
             raise WorkerCantStart(ready.problem)
 
-    async def fly(self, order: Order) -> EpisodeRecord:
-        """Raises WorkerBroke."""
-        task = order.task
-        answer = await self._ask(order.model_dump_json())
+    async def ask(self, message: Wire) -> bytes:
+        """The line that is answered. Raises WorkerBroke."""
+        process = self._process
+        if process is None or process.stdin is None or process.stdout is None:
+            raise WorkerBroke("it was not started")
         try:
-            record = EpisodeRecord.model_validate_json(answer)
-        except ValidationError as error:
-            raise WorkerBroke(f"it answered {task.id} with no result: {error.errors()[0]['msg']}") from None
-        if record.task != task.id:
-            raise WorkerBroke(f"it answered {task.id} with a result of {record.task}")
-        return record
+            process.stdin.write(message.model_dump_json().encode() + b"\n")
+            await process.stdin.drain()
+            answer = await process.stdout.readline()
+        except (ConnectionError, ValueError) as error:
+            raise WorkerBroke(str(error)) from None
+        if not answer.endswith(b"\n"):
+            code = await process.wait()
+            raise WorkerBroke(f"its process ended with {'signal' if code < 0 else 'code'} {abs(code)}")
+        return answer
 
     async def stop(self) -> None:
         """Ends the worker and its services; a worker that does not end is killed, and its services follow it."""
@@ -92,20 +102,24 @@ class Hand:
                 os.killpg(process.pid, signal.SIGKILL)
             await process.wait()
 
-    async def _ask(self, line: str) -> bytes:
-        process = self._process
-        if process is None or process.stdin is None or process.stdout is None:
-            raise WorkerBroke("it was not started")
+
+class Hand(Pipe):
+    """One worker process that flies. `log`: where its standard error goes."""
+
+    def __init__(self, job: Job, log: Path) -> None:
+        super().__init__("vld.bench.worker", job, log)
+
+    async def fly(self, order: Order) -> EpisodeRecord:
+        """Raises WorkerBroke."""
+        task = order.task
+        answer = await self.ask(order)
         try:
-            process.stdin.write(line.encode() + b"\n")
-            await process.stdin.drain()
-            answer = await process.stdout.readline()
-        except (ConnectionError, ValueError) as error:
-            raise WorkerBroke(str(error)) from None
-        if not answer.endswith(b"\n"):
-            code = await process.wait()
-            raise WorkerBroke(f"its process ended with {'signal' if code < 0 else 'code'} {abs(code)}")
-        return answer
+            record = EpisodeRecord.model_validate_json(answer)
+        except ValidationError as error:
+            raise WorkerBroke(f"it answered {task.id} with no result: {error.errors()[0]['msg']}") from None
+        if record.task != task.id:
+            raise WorkerBroke(f"it answered {task.id} with a result of {record.task}")
+        return record
 
 
 def broken_episode(task: Task, started: str, wall_s: float, why: str) -> EpisodeRecord:

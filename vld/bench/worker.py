@@ -1,11 +1,12 @@
 """One worker of a run: a process with services of its own that flies one task after the other.
 
 `python -m vld.bench.worker` reads lines from standard input: first one Job, then one Order each. It answers on standard
-output: one Ready, then one EpisodeRecord an order. When its input ends, so does it, and its services with it.
+output: one Ready, then one EpisodeRecord an order (see vld.bench.serving).
 """
 
 import asyncio
 import contextlib
+import math
 import os
 import shutil
 import sys
@@ -13,9 +14,9 @@ import time
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from contracts.base import Name, Wire
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading
@@ -24,13 +25,16 @@ from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Obs
 from orchestrator.clients import Services
 from orchestrator.mission import Mission
 from orchestrator.ports import PortError, Ports, World
-from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Processes, free_ports, own_environment
+from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Child, Processes, free_ports, own_environment
 from orchestrator.record import Log, Pictures, Record, now
+from vld.bench.serving import answer_lines
 from vld.metrics.taxonomy import reason_of
 from vld.records import EpisodeRecord, Task
 
-LINE_LIMIT = 64 * 1024 * 1024
 END_S = 20.0
+DYING_S = 2.0
+"""How long a service that stopped answering may take to be gone, before it counts as running."""
+_GLANCE_S = 0.02
 IDLE_S = "86400"
 """An episode that was opened ahead waits for its turn, however long the one before it takes."""
 
@@ -57,12 +61,6 @@ class Order(Wire):
 
     task: Task
     upcoming: Task | None = None
-
-
-class Ready(Wire):
-    """The worker's first answer: `problem` says why it can't fly, where it can't."""
-
-    problem: str | None = None
 
 
 class Unwritten:
@@ -125,6 +123,22 @@ class ClockedWorld:
         await self._world.end(episode)
 
 
+class Group(Protocol):
+    """What of a group of services tells whether they still run."""
+
+    def ended(self) -> Child | None: ...
+
+
+async def who_ended(group: Group, patience_s: float) -> Child | None:
+    """A service that runs no more; null where all do. A process that is killed closes its connections a moment before
+    it is over, so that whoever finds it silent may have to wait for its end."""
+    for _ in range(math.ceil(patience_s / _GLANCE_S)):
+        if (ended := group.ended()) is not None:
+            return ended
+        await asyncio.sleep(_GLANCE_S)
+    return group.ended()
+
+
 class Worker:
     """Services, and the flights through them."""
 
@@ -168,6 +182,10 @@ class Worker:
         if group is not None:
             await asyncio.to_thread(group.stop)
 
+    async def answer(self, line: bytes, gone: asyncio.Event) -> EpisodeRecord | None:
+        """Raises pydantic.ValidationError for a line that is no Order."""
+        return await self.fly(Order.model_validate_json(line), gone)
+
     async def fly(self, order: Order, gone: asyncio.Event) -> EpisodeRecord | None:
         """The task's record, whatever happened; null when `gone` was set meanwhile."""
         task = order.task
@@ -199,9 +217,11 @@ class Worker:
             error = f"the services could not be started: {cause}"
         except Exception as cause:
             error = f"{type(cause).__name__}: {cause}"
-        if error is None and self._group is not None and (ended := self._group.ended()) is not None:
-            error = f"{ended.name} ended with code {ended.process.returncode} during the episode"
         reason = reason_of(task, result)
+        if error is None and self._group is not None:
+            ended = await who_ended(self._group, DYING_S if reason == "unreachable" else 0.0)
+            if ended is not None:
+                error = f"{ended.name} ended with code {ended.process.returncode} during the episode"
         if error is None and reason == "error" and result is not None:
             error = result.message
         if folder is not None and self._job.pictures == "failures" and reason == "success":
@@ -276,66 +296,9 @@ class Worker:
         return Record(folder, delivery, question)
 
 
-async def serve() -> int:
-    """The process: answers every line of its input. Returns its exit status."""
-    loop = asyncio.get_running_loop()
-    reader = asyncio.StreamReader(limit=LINE_LIMIT)
-    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
-    first = await reader.readline()
-    if not first:
-        return 0
-    worker = Worker(Job.model_validate_json(first))
-    gone = asyncio.Event()
-    lines: asyncio.Queue[bytes] = asyncio.Queue()
-
-    async def listen() -> None:
-        while line := await reader.readline():
-            lines.put_nowait(line)
-        gone.set()
-        lines.put_nowait(b"")
-
-    listener = asyncio.create_task(listen())
-    try:
-        starting = asyncio.create_task(worker.start())
-        leaving = asyncio.create_task(gone.wait())
-        await asyncio.wait({starting, leaving}, return_when=asyncio.FIRST_COMPLETED)
-        leaving.cancel()
-        if not starting.done():
-            starting.cancel()
-            await asyncio.wait({starting})
-            return 0
-        try:
-            starting.result()
-        except CannotStart as error:
-            _answer(Ready(problem=str(error)))
-            return 1
-        _answer(Ready())
-        while line := await lines.get():
-            record = await worker.fly(Order.model_validate_json(line), gone)
-            if record is None:
-                break
-            _answer(record)
-        return 0
-    finally:
-        listener.cancel()
-        await worker.stop()
-
-
-def _answer(message: Wire) -> None:
-    sys.stdout.write(message.model_dump_json() + "\n")
-    sys.stdout.flush()
-
-
 def main() -> int:
-    """Returns the exit status; a message that is not of the contract ends it with one line."""
-    try:
-        # whoever gave the work may have been killed: then nobody reads the answers
-        with contextlib.suppress(BrokenPipeError):
-            return asyncio.run(serve())
-    except ValidationError as error:
-        sys.stderr.write(f"vld.bench.worker: {error.errors()[0]['msg']}\n")
-        return 2
-    return 0
+    """Returns the exit status."""
+    return answer_lines("vld.bench.worker", lambda line: Worker(Job.model_validate_json(line)))
 
 
 if __name__ == "__main__":

@@ -1,54 +1,66 @@
-"""`logisticsvln bench --subtask …`: services of its own, one role asked, its figures printed."""
+"""`logisticsvln bench --subtask …`: workers with services of their own, one role asked, its figures printed."""
 
 import asyncio
 import json
+import signal
 import tempfile
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from types import TracebackType
+from typing import NoReturn, Self
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from orchestrator.clients import Services
-from orchestrator.ports import PortError
-from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Processes, free_ports, own_environment
 from orchestrator.record import write_whole
 from vld.records import RunSettings, Task
-from vld.sim_client import SimClient, SimulatorFault
+from vld.subtasks.crew import CannotAsk, ask_all
 from vld.subtasks.figures import Subtask, SubtaskScores
-from vld.subtasks.run import Examiner, Plan
+from vld.subtasks.run import Asked, Plan, scored
+from vld.subtasks.worker import AskJob
 from vld.summary import Rate
 
-FAILED, INTERRUPTED = 1, 130
+WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+LINE_EVERY_S = 15.0
 
 
 def ask_alone(
     subtask: Subtask,
     tasks: Sequence[Task],
     settings: RunSettings,
+    environment: Mapping[str, str],
     gateway: Mapping[str, str],
     console: Console,
     out: Path | None,
     *,
     as_json: bool,
 ) -> None:
-    """The command: asks, prints the figures (or one JSON object), and with `out` writes it to `OUT/SUBTASK.json`."""
+    """The command: asks, prints the figures (or one JSON object), and with `out` writes it to `OUT/SUBTASK.json`.
+    `environment` goes to all services, `gateway` to that one."""
     mission = settings.mission
     plan = Plan(settings.backend, mission.parser_model, size=mission.image_size, settings=mission)
     try:
-        scores = examine(subtask, tasks, plan, console, gateway=gateway)
+        if out is not None:  # before hours of questions, not after them
+            out.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=out):
+                pass
+    except OSError as error:
+        _stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
+    try:
+        with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs:
+            job = AskJob(subtask=subtask, plan=plan, logs=logs, environment=dict(environment), gateway=dict(gateway))
+            scores = _examine(job, tasks, settings.workers, console)
         told = json.dumps(scores.model_dump(mode="json"), ensure_ascii=False)
         if out is not None:
-            out.mkdir(parents=True, exist_ok=True)
             write_whole(out / f"{subtask}.json", told + "\n")
-    except (CannotStart, SimulatorFault, PortError) as error:
+    except CannotAsk as error:
         _stop(str(error), FAILED)
     except OSError as error:
         _stop(f"{out} can't be written: {error.strerror}", FAILED)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, asyncio.CancelledError):
         _stop("interrupted before the last question: nothing is told of a part", INTERRUPTED)
     if as_json:
         typer.echo(told)
@@ -56,43 +68,22 @@ def ask_alone(
         print_scores(Console(), scores)
 
 
-def examine(
-    subtask: Subtask,
-    tasks: Sequence[Task],
-    plan: Plan,
-    console: Console,
-    environment: Mapping[str, str] | None = None,
-    gateway: Mapping[str, str] | None = None,
-) -> SubtaskScores:
-    """Starts the services, asks, stops them. `gateway` adds settings to the gateway's.
-
-    Raises orchestrator.processes.CannotStart, vld.sim_client.SimulatorFault, orchestrator.ports.PortError.
-    """
-    return asyncio.run(_examine(subtask, tasks, plan, console, environment or {}, gateway or {}))
+def _examine(job: AskJob, tasks: Sequence[Task], workers: int, console: Console) -> SubtaskScores:
+    """Raises CannotAsk; asyncio.CancelledError where it was interrupted."""
+    began = time.perf_counter()
+    title = f"{job.subtask}, {job.plan.backend}"
+    with _Bar(console, title, len(tasks)) if console.is_terminal else _Lines(console, title, len(tasks)) as progress:
+        asked = asyncio.run(_interruptible(job, tasks, workers, progress.show))
+    return scored(job.subtask, job.plan, asked, time.perf_counter() - began)
 
 
-async def _examine(
-    subtask: Subtask,
-    tasks: Sequence[Task],
-    plan: Plan,
-    console: Console,
-    environment: Mapping[str, str],
-    gateway: Mapping[str, str],
-) -> SubtaskScores:
-    needed = ("vlm_gateway", "llm_parser") if subtask == "parse" else FLIGHT_SERVICES
-    ports = free_ports(needed)
-    # the truth is what answers are judged by; a model is told it only where it is the oracle
-    extra = {"sim": {"SIM_TRUTH": "on"}, "vlm_gateway": dict(gateway)}
-    if plan.backend == "oracle" and "sim" in ports:
-        extra["vlm_gateway"]["ORACLE_SIM_URL"] = f"http://127.0.0.1:{ports['sim']}"
-    with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs, _bar(console) as bar:
-        job = bar.add_task(f"{subtask}, {plan.backend}", total=len(tasks))
-        mine = own_environment() | dict(environment)
-        async with Processes(ports, Path(logs), environment=mine, extra=extra) as group:
-            simulator = SimClient(group.addresses.sim) if "sim" in ports else None
-            async with Services(group.addresses, gateway_token=mine.get("GATEWAY_TOKEN")) as services:
-                examiner = Examiner(plan, services.ports(), simulator)
-                return await examiner.run(subtask, tasks, lambda done, _: bar.update(job, completed=done))
+async def _interruptible(job: AskJob, tasks: Sequence[Task], workers: int, told: Callable[[int], None]) -> list[Asked]:
+    task = asyncio.current_task()
+    loop = asyncio.get_running_loop()
+    if task is not None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, task.cancel)
+    return await ask_all(job, tasks, workers, told)
 
 
 def print_scores(console: Console, scores: SubtaskScores) -> None:
@@ -121,6 +112,7 @@ def print_scores(console: Console, scores: SubtaskScores) -> None:
         f"unreachable {calls.unreachable}  "
         + ("" if waits.p50 is None else f"p50 {waits.p50:.3f} s  p95 {waits.p95:.3f} s  p99 {waits.p99:.3f} s"),
         highlight=False,
+        soft_wrap=True,
     )
 
 
@@ -130,16 +122,55 @@ def _cells(rate: Rate) -> tuple[str, str, str]:
     return f"{rate.k}/{rate.n}", f"{100 * rate.rate:.1f} %", f"[{100 * rate.low:.1f}, {100 * rate.high:.1f}]"
 
 
-def _bar(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+class _Bar:
+    """A bar that is redrawn in place."""
+
+    def __init__(self, console: Console, title: str, total: int) -> None:
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+        )
+        self._job = self._bar.add_task(title, total=total)
+
+    def __enter__(self) -> Self:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def show(self, done: int) -> None:
+        self._bar.update(self._job, completed=done)
+
+
+class _Lines:
+    """One line at most every `LINE_EVERY_S`, and one at the end."""
+
+    def __init__(self, console: Console, title: str, total: int) -> None:
+        self._console = console
+        self._title = title
+        self._total = total
+        self._said = time.monotonic()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Nothing is held."""
+
+    def show(self, done: int) -> None:
+        if time.monotonic() - self._said < LINE_EVERY_S and done < self._total:
+            return
+        self._said = time.monotonic()
+        self._console.print(f"{self._title}: {done}/{self._total} tasks", highlight=False, soft_wrap=True)
 
 
 def _stop(message: str, code: int) -> NoReturn:

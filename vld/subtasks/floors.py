@@ -27,7 +27,7 @@ def score(counts: Sequence[Count]) -> Figures:
         groups={
             "exact by building": by_group((count.building, count.floors == count.truth) for count in counts),
             "exact by floors in view": by_group(
-                (f"{count.truth:2d} floors", count.floors == count.truth) for count in counts
+                (f"{count.truth:2d} floor{'s' * (count.truth != 1)}", count.floors == count.truth) for count in counts
             ),
         },
     )

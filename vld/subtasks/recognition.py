@@ -33,8 +33,8 @@ class Look(NamedTuple):
 
     kind: str
     colour: str
-    views: Sequence[TruthView]
-    matches: Sequence[Match] | None
+    views: tuple[TruthView, ...]
+    matches: tuple[Match, ...] | None
 
 
 def claimed(answer: FindObjectAnswer, settings: SightingSettings) -> tuple[Match, ...]:

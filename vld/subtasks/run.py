@@ -1,14 +1,13 @@
-"""Asks one role its questions, task after task, and scores the answers."""
+"""Asks one role its questions about a task; and from all the answers, its figures."""
 
-import time
 import zlib
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from contracts.base import Name
+from contracts.base import Name, Wire
 from contracts.depth_assist import (
     DirectionPoint,
     SafeDistancesQuestion,
@@ -42,8 +41,6 @@ from vld.subtasks.stage import Stage, staged
 from vld.subtasks.stops import Stop, before_goal, before_start, on_lap
 
 A = TypeVar("A", bound=Answer | ParseAnswer)
-Item = TypeVar("Item")
-Told = Callable[[int, Task], None]
 ROLES: dict[Subtask, Role] = {
     "floors": "floors",
     "recognition": "recognition",
@@ -62,6 +59,53 @@ class Plan(NamedTuple):
     settings: MissionSettings = MissionSettings()
 
 
+class Asked(Wire):
+    """What came of one task's questions: those of the subtask at hand, in the order asked. `skipped`: stops that could
+    not be reached, or had no question; `model`: who answered last, by its own account; `problem`: why not all could
+    be asked."""
+
+    task: Name
+    parsed: tuple[parse.Parsed, ...] = ()
+    counts: tuple[floors.Count, ...] = ()
+    looks: tuple[recognition.Look, ...] = ()
+    choices: tuple[choice.Choice, ...] = ()
+    skipped: int = 0
+    model: str | None = None
+    calls: ModelCalls = ModelCalls()
+    problem: str | None = None
+
+
+def scored(subtask: Subtask, plan: Plan, asked: Sequence[Asked], wall_s: float) -> SubtaskScores:
+    """The figures of a subtask over the tasks that were asked about."""
+    figures: Figures
+    if subtask == "parse":
+        parsed = [item for task in asked for item in task.parsed]
+        figures, questions = parse.score(parsed), len(parsed)
+    elif subtask == "floors":
+        counts = [item for task in asked for item in task.counts]
+        figures, questions = floors.score(counts), len(counts)
+    elif subtask == "recognition":
+        looks = [item for task in asked for item in task.looks]
+        figures, questions = recognition.score(looks), len(looks)
+    else:
+        choices = [item for task in asked for item in task.choices]
+        figures, questions = choice.score(choices), len(choices)
+    return SubtaskScores(
+        subtask=subtask,
+        backend=plan.backend,
+        model=next((task.model for task in reversed(asked) if task.model is not None), None),
+        tasks=len(asked),
+        questions=questions,
+        skipped=sum(task.skipped for task in asked),
+        rates=figures.rates,
+        values=figures.values,
+        groups=figures.groups,
+        sightings=plan.settings.sightings if subtask == "recognition" else None,
+        model_calls=together([task.calls for task in asked]),
+        wall_s=round(wall_s, 3),
+    )
+
+
 class Examiner:
     """Asks through the same ports as a mission, so that nothing about a question differs from a flight's."""
 
@@ -74,62 +118,27 @@ class Examiner:
         self._skipped = 0
         self._model: str | None = None
 
-    async def run(self, subtask: Subtask, tasks: Sequence[Task], told: Told | None = None) -> SubtaskScores:
-        """All questions of one subtask; `told` hears each task when it is done. Raises SimulatorFault, PortError."""
-        began = time.perf_counter()
-        self._book, self._skipped = CallBook(), 0
-        figures: Figures
-        if subtask == "parse":
-            parsed = await self._each(tasks, self._parsed, told)
-            figures, questions = parse.score(parsed), len(parsed)
-        elif subtask == "floors":
-            counts = await self._each(tasks, self._counts, told)
-            figures, questions = floors.score(counts), len(counts)
-        elif subtask == "recognition":
-            looks = await self._each(tasks, self._looks, told)
-            figures, questions = recognition.score(looks), len(looks)
-        else:
-            choices = await self._each(tasks, self._choices, told)
-            figures, questions = choice.score(choices), len(choices)
-        return SubtaskScores(
-            subtask=subtask,
-            backend=self._plan.backend,
-            model=self._model,
-            tasks=len(tasks),
-            questions=questions,
+    async def ask(self, subtask: Subtask, task: Task) -> Asked:
+        """All questions of one subtask about one task. Raises SimulatorFault, PortError."""
+        self._book, self._skipped, self._model = CallBook(), 0, None
+        return Asked(
+            task=task.id,
+            parsed=await self._parsed(task) if subtask == "parse" else (),
+            counts=await self._counts(task) if subtask == "floors" else (),
+            looks=await self._looks(task) if subtask == "recognition" else (),
+            choices=await self._choices(task) if subtask == "choice" else (),
             skipped=self._skipped,
-            rates=figures.rates,
-            values=figures.values,
-            groups=figures.groups,
-            sightings=self._plan.settings.sightings if subtask == "recognition" else None,
-            model_calls=together([self._book.calls.get(ROLES[subtask], ModelCalls())]),
-            wall_s=round(time.perf_counter() - began, 3),
+            model=self._model,
+            calls=self._book.calls.get(ROLES[subtask], ModelCalls()),
         )
 
-    async def _each(
-        self, tasks: Sequence[Task], ask: Callable[[Task], Awaitable[list[Item]]], told: Told | None
-    ) -> list[Item]:
-        items: list[Item] = []
-        for number, task in enumerate(tasks, 1):
-            items += await ask(task)
-            if told is not None:
-                told(number, task)
-        return items
-
-    async def _parsed(self, task: Task) -> list[parse.Parsed]:
+    async def _parsed(self, task: Task) -> tuple[parse.Parsed, ...]:
         question = ParseQuestion(request=task.request, model=self._plan.parser)
         answer = await self._ask("parser", self._ports.parser.parse(question))
-        return [
-            parse.Parsed(
-                task.style,
-                task.floor,
-                task.object,
-                answer.floor if answer else None,
-                answer.object if answer else None,
-            )
-        ]
+        found = (answer.floor, answer.object) if answer else (None, None)
+        return (parse.Parsed(task.style, task.floor, task.object, *found),)
 
-    async def _counts(self, task: Task) -> list[floors.Count]:
+    async def _counts(self, task: Task) -> tuple[floors.Count, ...]:
         counts = []
         with self._stage(task) as stage:
             for _ in self._reached(stage, before_start(task, max(1, self._plan.stops // 2), self._rng(task))):
@@ -140,9 +149,9 @@ class Examiner:
                 )
                 answer = await self._ask("floors", self._ports.vision.floor_count(question))
                 counts.append(floors.Count(truth, answer.floors if answer else None, task.building_kind))
-        return counts
+        return tuple(counts)
 
-    async def _looks(self, task: Task) -> list[recognition.Look]:
+    async def _looks(self, task: Task) -> tuple[recognition.Look, ...]:
         rng = self._rng(task)
         before = before_goal(task, (self._plan.stops + 1) // 2, rng)
         looks = []
@@ -158,9 +167,9 @@ class Examiner:
                 answer = await self._ask("recognition", self._ports.vision.find_object(question))
                 matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
                 looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
-        return looks
+        return tuple(looks)
 
-    async def _choices(self, task: Task) -> list[choice.Choice]:
+    async def _choices(self, task: Task) -> tuple[choice.Choice, ...]:
         choices = []
         with self._stage(task) as stage:
             for _ in self._reached(stage, on_lap(task, max(1, self._plan.stops // 2), self._rng(task))):
@@ -169,7 +178,7 @@ class Examiner:
                     self._skipped += 1
                 else:
                     choices.append(made)
-        return choices
+        return tuple(choices)
 
     async def _choice(self, task: Task, stage: Stage) -> choice.Choice | None:
         """Viewpoint and points as a mission finds them; null where there is nothing to choose between."""

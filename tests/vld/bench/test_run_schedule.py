@@ -1,17 +1,22 @@
 """Who flies what: every task once, a broken worker costs its episode and no more, a hopeless run stops."""
 
 import asyncio
+import io
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from contracts.orchestrator import MissionSettings
+from orchestrator.processes import Child
 from tests.vld.bench.test_run_folder import TASKS, record, settings
 from vld.bench.crew import WorkerBroke, WorkerCantStart
 from vld.bench.folder import RunFolder
 from vld.bench.run import MAX_BROKEN_IN_A_ROW, CannotRun, Run, Standing
-from vld.bench.worker import Job, Order
+from vld.bench.worker import Job, Order, who_ended
 from vld.records import EpisodeRecord
 
 JOB = Job(folder="", logs="", mission=MissionSettings(), backend="oracle")
@@ -97,3 +102,25 @@ async def test_a_worker_that_cannot_start_ends_the_run_and_costs_no_episode(tmp_
         with pytest.raises(CannotRun, match="no port is free"):
             await run.fly()
         assert folder.records == {}
+
+
+class LingeringService:
+    """A group with a service that is over at the `after`th glance."""
+
+    def __init__(self, after: int) -> None:
+        self._left = after
+        process = subprocess.Popen([sys.executable, "-c", ""])
+        process.wait()
+        self.child = Child("sim", 1, process, Path(os.devnull), io.BytesIO())
+
+    def ended(self) -> Child | None:
+        self._left -= 1
+        return self.child if self._left < 0 else None
+
+
+@pytest.mark.parametrize(("after", "patience_s", "found"), [(0, 0.0, True), (3, 5.0, True), (3, 0.0, False)])
+async def test_a_service_that_fell_silent_is_given_the_moment_it_takes_to_be_gone(
+    after: int, patience_s: float, found: bool
+) -> None:
+    group = LingeringService(after)
+    assert (await who_ended(group, patience_s) is group.child) is found

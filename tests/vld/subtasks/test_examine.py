@@ -19,7 +19,7 @@ from vld.shortest import goal_slot
 from vld.sim_client import SimClient
 from vld.subtasks.command import print_scores
 from vld.subtasks.figures import Subtask
-from vld.subtasks.run import Examiner, Plan
+from vld.subtasks.run import Examiner, Plan, scored
 
 
 def villa() -> Task:
@@ -59,7 +59,8 @@ class Parser:
 async def test_a_model_that_cannot_be_reached_counts_as_wrong_and_is_told_apart() -> None:
     ports = block_ports(BlockWorld())
     examiner = Examiner(Plan("embedded"), type(ports)(Parser(), ports.vision, ports.depth, ports.world), None)
-    scores = await examiner.run("parse", [a_task(f"t-{i}") for i in range(3)])
+    tasks = [a_task(f"t-{i}") for i in range(3)]
+    scores = scored("parse", Plan("embedded"), [await examiner.ask("parse", task) for task in tasks], 1.0)
     assert (scores.rates["both"].k, scores.rates["both"].n) == (2, 3)
     assert scores.model_calls.unreachable == 1
     assert scores.model == "by hand"
@@ -70,9 +71,10 @@ async def asked(logs: Path, services: tuple[str, ...], subtasks: dict[Subtask, s
     ports = free_ports(services)
     group = Processes(ports, logs, environment=own_environment(), extra=oracle_settings(ports))
     async with group, Services(group.addresses) as clients:
-        examiner = Examiner(Plan("oracle", stops=2, size=400), clients.ports(), SimClient(group.addresses.sim))
+        plan = Plan("oracle", stops=2, size=400)
+        examiner = Examiner(plan, clients.ports(), SimClient(group.addresses.sim))
         for subtask, name in subtasks.items():
-            scores = await examiner.run(subtask, [villa()])
+            scores = scored(subtask, plan, [await examiner.ask(subtask, villa())], 1.0)
             told = io.StringIO()
             print_scores(Console(file=told, width=120), scores)
             assert scores.questions + scores.skipped >= 1
