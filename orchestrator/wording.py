@@ -1,6 +1,7 @@
 """Small words of messages: numbers with their nouns, things with their articles."""
 
 _SOUND_LIKE_CONSONANTS = ("uni", "use", "eu", "one")
+_ARTICLES = ("a ", "an ", "the ")
 
 
 def counted(n: int, one: str, many: str | None = None) -> str:
@@ -9,6 +10,9 @@ def counted(n: int, one: str, many: str | None = None) -> str:
 
 
 def with_article(thing: str) -> str:
-    """`a cake`, `an orange stool`; by the first letters, which is right for all but a few words."""
+    """`a cake`, `an orange stool`; by the first letters, which is right for all but a few words. A thing that comes
+    with its article keeps it."""
     first = thing.casefold()
+    if first.startswith(_ARTICLES):
+        return thing
     return f"{'an' if first[:1] in tuple('aeiou') and not first.startswith(_SOUND_LIKE_CONSONANTS) else 'a'} {thing}"

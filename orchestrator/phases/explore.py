@@ -294,7 +294,7 @@ def search_task(thing: str, floor: int, direction: str) -> str:
     """What the choice model is told about the search; `direction` is the viewpoint settings'."""
     side = "right" if direction == "clockwise" else "left"
     return (
-        f"Find the window with a {thing} on floor {floor}. The drone flies {direction} round the building, "
+        f"Find the window with {with_article(thing)} on floor {floor}. The drone flies {direction} round the building, "
         f"which is on its {side}."
     )
 

@@ -2,6 +2,7 @@
 
 import pytest
 
+from orchestrator.phases.explore import search_task
 from orchestrator.wording import counted, with_article
 
 
@@ -25,7 +26,13 @@ def test_an_irregular_plural_is_named() -> None:
         ("unicorn", "a unicorn"),
         ("European flag", "a European flag"),
         ("one-legged flamingo", "a one-legged flamingo"),
+        ("the red kite", "the red kite"),
     ],
 )
 def test_a_thing_has_the_article_that_is_spoken(thing: str, said: str) -> None:
     assert with_article(thing) == said
+
+
+def test_the_choice_model_is_told_of_a_thing_with_its_article() -> None:
+    task = search_task("orange kite", 4, "clockwise")
+    assert task.startswith("Find the window with an orange kite on floor 4. The drone flies clockwise")
