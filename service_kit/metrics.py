@@ -1,29 +1,89 @@
-"""Prometheus figures per route: requests by status, and how long they took."""
+"""Prometheus figures per route: requests by status, and how long they took.
+
+They are counted in plain dictionaries and made into Prometheus' form when somebody looks: the client library's own
+counters and histograms take a lock for every number.
+"""
 
 import time
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from itertools import accumulate
 from typing import Any
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+from prometheus_client import CollectorRegistry
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
+from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _BUCKETS = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.128, 0.256, 0.512, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 
-class HttpMetrics:
+class Sums(Collector):
+    """A counter: its series by their labels."""
+
+    def __init__(self, name: str, about: str, labels: Sequence[str]) -> None:
+        self._name, self._about, self._labels = name, about, labels
+        self._sums: dict[tuple[str, ...], float] = {}
+
+    def add(self, *labels: str, amount: float = 1.0) -> None:
+        self._sums[labels] = self._sums.get(labels, 0.0) + amount
+
+    def collect(self) -> Iterable[Metric]:
+        family = CounterMetricFamily(self._name, self._about, labels=self._labels)
+        for labels, amount in list(self._sums.items()):
+            family.add_metric(labels, amount)
+        return [family]
+
+
+class _Spread:
+    """One histogram: how many values lie in each bucket, and their sum."""
+
+    __slots__ = ("counts", "sum")
+
+    def __init__(self, buckets: int) -> None:
+        self.counts = [0] * buckets
+        self.sum = 0.0
+
+
+class Spreads(Collector):
+    """A histogram: its series by their labels; `bounds` are the buckets' upper ones, but for the last."""
+
+    def __init__(self, name: str, about: str, labels: Sequence[str], bounds: Sequence[float]) -> None:
+        self._name, self._about, self._labels = name, about, labels
+        self._bounds = bounds
+        self._shown = [*(str(float(bound)) for bound in bounds), "+Inf"]
+        self._spreads: dict[tuple[str, ...], _Spread] = {}
+
+    def add(self, *labels: str, value: float) -> None:
+        spread = self._spreads.get(labels)
+        if spread is None:
+            spread = self._spreads[labels] = _Spread(len(self._shown))
+        spread.counts[bisect_left(self._bounds, value)] += 1
+        spread.sum += value
+
+    def collect(self) -> Iterable[Metric]:
+        family = HistogramMetricFamily(self._name, self._about, labels=self._labels)
+        for labels, spread in list(self._spreads.items()):
+            up_to = list(accumulate(spread.counts))
+            family.add_metric(labels, list(zip(self._shown, up_to, strict=True)), spread.sum)
+        return [family]
+
+
+class HttpMetrics(Collector):
     """The figures of one service, in a registry of its own; services add theirs to `registry`."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
-        self.requests = Counter(
-            "http_requests",
-            "Requests by route, method and status.",
-            ["route", "method", "status"],
-            registry=self.registry,
-        )
-        self.seconds = Histogram(
-            "http_request_seconds", "Time to answer.", ["route", "method"], buckets=_BUCKETS, registry=self.registry
-        )
-        self.in_flight = Gauge("http_requests_in_flight", "Requests being answered.", registry=self.registry)
+        labels = ["route", "method"]
+        self.requests = Sums("http_requests", "Requests by route, method and status.", [*labels, "status"])
+        self.seconds = Spreads("http_request_seconds", "Time to answer.", labels, _BUCKETS)
+        self.in_flight = 0
+        for figures in (self.requests, self.seconds, self):
+            self.registry.register(figures)
+
+    def collect(self) -> Iterable[Metric]:
+        """What is no sum: how many requests are being answered."""
+        return [GaugeMetricFamily("http_requests_in_flight", "Requests being answered.", self.in_flight)]
 
 
 class MetricsMiddleware:
@@ -46,14 +106,14 @@ class MetricsMiddleware:
                 status = message["status"]
             await send(message)
 
-        self._metrics.in_flight.inc()
+        self._metrics.in_flight += 1
         try:
             await self._app(scope, receive, watched)
         finally:
-            self._metrics.in_flight.dec()
+            self._metrics.in_flight -= 1
             route = route_name(scope)
-            self._metrics.requests.labels(route, scope["method"], str(status)).inc()
-            self._metrics.seconds.labels(route, scope["method"]).observe(time.perf_counter() - started)
+            self._metrics.requests.add(route, scope["method"], str(status))
+            self._metrics.seconds.add(route, scope["method"], value=time.perf_counter() - started)
 
 
 def route_name(scope: Scope) -> str:

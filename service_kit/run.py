@@ -1,6 +1,7 @@
 """Run one service as a process: JSON log lines, graceful stop on SIGTERM."""
 
 import contextlib
+import gc
 import json
 import logging
 import os
@@ -49,6 +50,11 @@ def run(app: ASGIApp, settings: Settings, default_port: int) -> None:
     host = settings.text("HOST", "127.0.0.1") or "127.0.0.1"
     port = settings.integer("PORT", default_port, 1, 65535)
     server = uvicorn.Server(server_config(app, host, port, timeout_graceful_shutdown=5))
+    # what is there by now stays: nobody needs to look through it again and again for what may be thrown away, and
+    # what requests leave behind in circles can wait until there is more of it
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
     with contextlib.suppress(KeyboardInterrupt):
         server.run()
     if not server.started:

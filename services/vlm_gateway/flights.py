@@ -1,9 +1,9 @@
 """Identical questions at the same time share one call."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import Any, Generic, NamedTuple, TypeVar
 
 T = TypeVar("T")
 
@@ -15,10 +15,10 @@ class Landed(NamedTuple, Generic[T]):
     shared: bool
 
 
-@dataclass
 class _Flight(Generic[T]):
-    task: "asyncio.Task[T]"
-    passengers: int = 0
+    def __init__(self, call: Coroutine[Any, Any, T]) -> None:
+        self.passengers: set[asyncio.Future[T]] = set()
+        self.task = asyncio.get_running_loop().create_task(call)
 
 
 class Flights(Generic[T]):
@@ -35,30 +35,33 @@ class Flights(Generic[T]):
         """Whether a call for this key is under way."""
         return key in self._live
 
-    async def share(self, key: str, start: Callable[[], Awaitable[T]]) -> Landed[T]:
+    async def share(self, key: str, start: Callable[[], Coroutine[Any, Any, T]]) -> Landed[T]:
         """The result of `start()`, or of the call under way for the same key. Raises what that call raises."""
         flight = self._live.get(key)
         shared = flight is not None
         if flight is None:
-            flight = _Flight(asyncio.ensure_future(_run(start)))
-            self._live[key] = flight
-            flight.task.add_done_callback(lambda task: self._landed(key, task))
-        flight.passengers += 1
+            flight = self._live[key] = _Flight(start())
+            flight.task.add_done_callback(partial(self._landed, key, flight))
+        passenger: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+        flight.passengers.add(passenger)
         try:
-            return Landed(await asyncio.shield(flight.task), shared)
+            return Landed(await passenger, shared)
         finally:
-            flight.passengers -= 1
-            if flight.passengers == 0 and not flight.task.done():
+            flight.passengers.discard(passenger)
+            if not flight.passengers and not flight.task.done():
                 self._live.pop(key, None)  # newcomers must not board a flight that is being cancelled
                 flight.task.cancel()
 
-    def _landed(self, key: str, task: "asyncio.Task[T]") -> None:
-        flight = self._live.get(key)
-        if flight is not None and flight.task is task:
+    def _landed(self, key: str, flight: _Flight[T], task: "asyncio.Task[T]") -> None:
+        if self._live.get(key) is flight:
             del self._live[key]
-        if not task.cancelled():
-            task.exception()  # read, so that a flight whose passengers all left is not reported as forgotten
-
-
-async def _run(start: Callable[[], Awaitable[T]]) -> T:
-    return await start()
+        error = None if task.cancelled() else task.exception()
+        for passenger in flight.passengers:
+            if passenger.done():
+                continue  # left in this very moment
+            if task.cancelled():
+                passenger.cancel()
+            elif error is not None:
+                passenger.set_exception(error)
+            else:
+                passenger.set_result(task.result())

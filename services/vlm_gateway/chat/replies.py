@@ -14,7 +14,6 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic_core import from_json
 
-from contracts.vlm_gateway import Tokens
 from service_kit.errors import ServiceError
 from services.vlm_gateway.errors import ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
 
@@ -41,12 +40,19 @@ _WAYS = {
 }
 
 
+class Spent(NamedTuple):
+    """How many tokens a server says that an answer took; 0 where it says nothing."""
+
+    prompt: int = 0
+    completion: int = 0
+
+
 class Said(NamedTuple):
     """`message` is the first choice's message, if there is one, in OpenAI's words."""
 
     message: dict[str, Any] | None
     finish_reason: str | None
-    tokens: Tokens
+    tokens: Spent
 
 
 class ReplyReader:
@@ -130,7 +136,7 @@ class ReplyReader:
         return (said.replace(self._secret, "***") if self._secret else said), kind
 
 
-def tokens_of(usage: object) -> Tokens:
+def tokens_of(usage: object) -> Spent:
     """The counts in OpenAI's `usage`; 0 where there are none."""
     counts = usage if isinstance(usage, dict) else {}
     return _tokens(counts.get("prompt_tokens"), counts.get("completion_tokens"))
@@ -180,9 +186,9 @@ def _text(value: object) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def _tokens(*counts: object) -> Tokens:
+def _tokens(*counts: object) -> Spent:
     prompt, completion = (n if isinstance(n, int) and not isinstance(n, bool) and n >= 0 else 0 for n in counts)
-    return Tokens(prompt=prompt, completion=completion)
+    return Spent(prompt, completion)
 
 
 def _error_inside(reply: dict[str, Any]) -> object:

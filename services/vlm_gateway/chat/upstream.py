@@ -107,7 +107,8 @@ class Upstream:
             nonlocal attempts
             attempts += 1
             body, said = await self._whole(request, deadline, call.api)
-            return Completion(body, said.message, said.finish_reason, said.tokens, attempts)
+            tokens = Tokens(prompt=said.tokens.prompt, completion=said.tokens.completion)
+            return Completion(body, said.message, said.finish_reason, tokens, attempts)
 
         return await self._admitted(self._request(urlsplit(call.url).path, [call.body], None), once, patient=True)
 

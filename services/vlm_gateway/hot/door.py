@@ -36,7 +36,7 @@ from services.vlm_gateway.hot.server import PATH, HotProtocol
 from services.vlm_gateway.hot.visit import Head, Stored, Visit, head_of, too_large
 from services.vlm_gateway.hot.watch import slow_body, too_late
 from services.vlm_gateway.keys import Forbidden, Key, Keys, asking
-from services.vlm_gateway.metrics import Children, GatewayMetrics
+from services.vlm_gateway.metrics import GatewayMetrics
 
 log = logging.getLogger(__name__)
 
@@ -75,8 +75,6 @@ class HotDoor:
         self._cache = cache
         self._metrics = metrics
         self._http = http
-        self._requests = Children(http.requests)
-        self._seconds = http.seconds.labels(PATH, "POST")
         self._log = request_log
         self.max_body_bytes = max_body_bytes
         self._body_within_s = body_within_s
@@ -108,7 +106,7 @@ class HotDoor:
         except ServiceError as error:
             self._metrics.refused("", error.code)
             await _rendered(error)(scope, receive, send)
-            self._http.requests.labels("refused", scope["method"], str(error.status)).inc()
+            self._http.requests.add("refused", scope["method"], str(error.status))
             return
         asking.set(key)
         try:
@@ -119,7 +117,7 @@ class HotDoor:
 
     async def chat(self, visit: Visit) -> None:
         """One chat, its errors and its figures."""
-        self._http.in_flight.inc()
+        self._http.in_flight += 1
         try:
             head = visit.head
             visit.key = self._keys.of(head.authorization)
@@ -137,7 +135,7 @@ class HotDoor:
             self._fail(ServiceError(message), visit)
         finally:
             visit.close()
-            self._http.in_flight.dec()
+            self._http.in_flight -= 1
             self._count(visit)
 
     def _fail(self, error: ServiceError, visit: Visit) -> None:
@@ -266,8 +264,8 @@ class HotDoor:
 
     def _count(self, visit: Visit) -> None:
         took_s = visit.took_s()
-        self._requests.of(PATH, "POST", str(visit.status)).inc()
-        self._seconds.observe(took_s)
+        self._http.requests.add(PATH, "POST", str(visit.status))
+        self._http.seconds.add(PATH, "POST", value=took_s)
         if visit.alias:
             self._metrics.called("chat", "chat", visit.alias, visit.outcome, visit.cache, took_s)
         if self._log.wants(visit.status):

@@ -6,9 +6,8 @@ from collections.abc import AsyncGenerator, Callable
 
 from pydantic_core import from_json
 
-from contracts.vlm_gateway import Tokens
 from services.vlm_gateway.cache.guard import MAX_VALUE_BYTES
-from services.vlm_gateway.chat.replies import tokens_of
+from services.vlm_gateway.chat.replies import Spent, tokens_of
 from services.vlm_gateway.errors import ModelUnreachable
 
 _ENDS = (b"\ndata: [DONE]", b"\ndata:[DONE]")
@@ -54,7 +53,7 @@ class Kept:
         """Whether it ended as an answer does: not cut by a limit or a filter, no error in it."""
         return _SPOILT.search(self._tail) is None
 
-    def tokens(self) -> Tokens:
+    def tokens(self) -> Spent:
         """The server's own count where the last events have it; else one token of the answer an event."""
         for line in reversed(self._tail.split(b"\n")):
             if line.startswith(b"data:") and b'"usage"' in line:
@@ -64,7 +63,7 @@ class Kept:
                     continue
                 if isinstance(event, dict) and isinstance(event.get("usage"), dict):
                     return tokens_of(event["usage"])
-        return Tokens(completion=max(0, self._events - 2))
+        return Spent(completion=max(0, self._events - 2))
 
 
 class Broadcast:
