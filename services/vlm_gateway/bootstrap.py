@@ -104,18 +104,11 @@ def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMe
 
 def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
     # imported where it is needed: ONNX Runtime takes time and memory that a gateway without it should not spend
-    from services.vlm_gateway.backends.embedded import EmbeddedBackend, PixelModel
+    from services.vlm_gateway.backends.embedded import EmbeddedBackend
+    from services.vlm_gateway.embedded.model import EmbeddedModel
 
     try:
-        pixel_model: PixelModel
-        if model.model == "simple":
-            from services.vlm_gateway.embedded.simple import SimpleModel
-
-            pixel_model = SimpleModel()
-        else:
-            from services.vlm_gateway.embedded.model import EmbeddedModel
-
-            pixel_model = EmbeddedModel()
+        pixel_model = EmbeddedModel()
     except (OSError, ValueError) as error:
         raise BadSetting(f"models.{alias}: the embedded model's data can't be read: {error}; reinstall it") from None
     return EmbeddedBackend(
@@ -130,12 +123,10 @@ def _embedded(alias: str, model: EmbeddedModelConfig) -> Backend:
 
 def _embedded_revision() -> str:
     """A hash of the embedded model's code and data: whoever changes either is not answered out of an old cache."""
-    from services.vlm_gateway import embedded
     from services.vlm_gateway.embedded.exported import FOLDER
 
     digest = hashlib.sha256()
-    folder = Path(embedded.__file__).parent
-    for path in sorted([*folder.glob("*.py"), *folder.glob("*.npz"), *folder.glob("*.json"), *FOLDER.glob("*.*")]):
+    for path in sorted([*FOLDER.parent.glob("*.py"), *FOLDER.glob("*.*")]):
         data = path.read_bytes()
         digest.update(f"{path.name}:{len(data)}:".encode() + data)
     return digest.hexdigest()

@@ -39,10 +39,9 @@ class _Limits(Wire):
 
 
 class EmbeddedModelConfig(_Limits):
-    """`model`: the two trained networks, or the simple first one (colour tables and a perceptron over patches)."""
+    """The model that ships with the gateway: every place keeps one core busy."""
 
     backend: Literal["embedded"]
-    model: Literal["simple", "trained"] = "simple"
     concurrency: int = Field(default=1, ge=1, le=64)
 
 

@@ -1,4 +1,4 @@
-"""The shipped model on pictures of the shipped samples; what is in them is in `labels.jsonl` beside them."""
+"""The model as it ships, on pictures of the shipped samples; what is in them is in `labels.jsonl` beside them."""
 
 from pathlib import Path
 
@@ -6,15 +6,28 @@ import cv2
 import numpy as np
 import pytest
 
-from contracts.labelled import LABELS_FILE, LabelledView
-from contracts.vlm_gateway import MarkedPoint
-from services.vlm_gateway.embedded.evaluate import meets, overlap
+from contracts.base import Wire
+from contracts.geometry import Box, Pose
+from contracts.sim import TruthView
+from services.vlm_gateway.embedded.model import EmbeddedModel
 from services.vlm_gateway.embedded.seen import Still
-from services.vlm_gateway.embedded.simple import SimpleModel as EmbeddedModel
 from services.vlm_gateway.embedded.words import OutOfVocabulary
 
 FOLDER = Path(__file__).parents[2] / "data" / "embedded"
-LABELS = [LabelledView.model_validate_json(line) for line in (FOLDER / LABELS_FILE).read_text().splitlines()]
+
+
+class LabelledView(Wire):
+    """One picture of a sample; `frontal`: squarely before the facade, as when floors are counted."""
+
+    picture: str
+    scene: str
+    seed: int
+    frontal: bool
+    pose: Pose
+    truth: TruthView
+
+
+LABELS = [LabelledView.model_validate_json(line) for line in (FOLDER / "labels.jsonl").read_text().splitlines()]
 GOALS = {v.scene: o for v in LABELS for o in v.truth.objects if o.goal}
 
 
@@ -29,26 +42,31 @@ def picture(view: LabelledView) -> Still:
     return Still(np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8))
 
 
+def middle_in(claimed: Box, thing: Box) -> bool:
+    x, y = (claimed.x_min + claimed.x_max) / 2, (claimed.y_min + claimed.y_max) / 2
+    return thing.x_min <= x <= thing.x_max and thing.y_min <= y <= thing.y_max
+
+
 @pytest.mark.parametrize("view", [v for v in LABELS if v.frontal], ids=lambda v: v.picture)
 def test_floors_and_the_building_are_read_from_a_frontal_picture(model: EmbeddedModel, view: LabelledView) -> None:
-    rgb = picture(view)
-    seen = model.count_floors(rgb)
+    shot = picture(view)
+    seen = model.count_floors(shot)
     assert seen.count == len(view.truth.floor_rows)
-    assert list(seen.rows) == sorted(seen.rows)
-    np.testing.assert_allclose(seen.rows, sorted(view.truth.floor_rows), atol=0.04)
-    building = model.building_box(rgb)
+    np.testing.assert_allclose(seen.rows, sorted(view.truth.floor_rows), atol=0.02)
+    building = model.building_box(shot)
     truth = view.truth.building_box
     assert building is not None
     assert truth is not None
-    assert overlap((building.box.y_min, building.box.y_max), (truth.y_min, truth.y_max)) > 0.8
+    assert (building.box.y_min, building.box.y_max) == pytest.approx((truth.y_min, truth.y_max), abs=0.08)
 
 
 @pytest.mark.parametrize("view", [v for v in LABELS if not v.frontal], ids=lambda v: v.picture)
-def test_the_goal_is_found_where_it_is(model: EmbeddedModel, view: LabelledView) -> None:
+def test_the_goal_is_claimed_where_it_is(model: EmbeddedModel, view: LabelledView) -> None:
     goal = GOALS[view.scene]
-    best = model.find_object([picture(view)], f"{goal.colour} {goal.kind.replace('_', ' ')}").sightings[0]
-    assert best.view_index == 0
-    assert meets(best.box, goal.box)
+    found = model.find_object([picture(view)], f"{goal.colour} {goal.kind.replace('_', ' ')}")
+    best = found.sightings[0]
+    assert best.confidence >= found.claim
+    assert middle_in(best.box, goal.box)
 
 
 def test_the_view_that_shows_the_thing_is_named(model: EmbeddedModel) -> None:
@@ -61,7 +79,8 @@ def test_the_view_that_shows_the_thing_is_named(model: EmbeddedModel) -> None:
 @pytest.mark.parametrize("view", LABELS, ids=lambda v: v.picture)
 @pytest.mark.parametrize("phrase", ["purple teddy bear", "pink armchair", "orange traffic cone"])
 def test_nothing_is_claimed_where_nothing_of_the_kind_is(model: EmbeddedModel, view: LabelledView, phrase: str) -> None:
-    assert model.find_object([picture(view)], phrase).sightings == ()
+    found = model.find_object([picture(view)], phrase)
+    assert [s for s in found.sightings if s.confidence >= found.claim] == []
 
 
 def test_an_unknown_thing_is_refused_and_not_guessed(model: EmbeddedModel) -> None:
@@ -75,23 +94,8 @@ def test_a_blank_picture_holds_neither_floors_nor_things(model: EmbeddedModel) -
     assert model.find_object([sky], "red kite").sightings == ()
 
 
-def test_the_way_hugs_the_facade_unless_it_is_short(model: EmbeddedModel) -> None:
-    rgb = picture(LABELS[0])
-
-    def chosen(*distances_m: float) -> str:
-        points = [
-            MarkedPoint(label=label, x=k / 6, y=0.5, distance_m=d)
-            for k, (label, d) in enumerate(zip("abcde", distances_m, strict=True), start=1)
-        ]
-        return model.choose_direction(rgb, points)
-
-    assert chosen(10, 10, 10, 10, 10) == "e"
-    assert chosen(10, 10, 10, 9, 1.5) == "d"
-    assert chosen(10, 10, 10, 2, 1.5) == "c"
-
-
 def test_a_smaller_picture_is_understood_too(model: EmbeddedModel) -> None:
     view = next(v for v in LABELS if v.picture == "temple-vase-goal.jpg")
     smaller = Still(np.asarray(cv2.resize(picture(view).rgb(), (600, 600), interpolation=cv2.INTER_AREA), np.uint8))
     goal = GOALS[view.scene]
-    assert meets(model.find_object([smaller], "blue vase").sightings[0].box, goal.box)
+    assert middle_in(model.find_object([smaller], "blue vase").sightings[0].box, goal.box)
