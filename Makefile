@@ -6,10 +6,10 @@ PYTHON := $(shell for p in python3.11 python3.12 python3; do command -v $$p 2>/d
 BIN := .venv/bin
 SAMPLE ?= green-flower-pot
 BACKEND ?= embedded
-STREETS ?= 3000
+STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-real-server check format load bench-sim bench-model train clean
+.PHONY: help setup demo samples test test-slow test-train test-real-server check format load bench-sim bench-model train clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -44,6 +44,10 @@ test: setup .venv/.redis  ## run the tests (a redis-server of its own included)
 
 test-slow: setup .venv/.redis  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
+
+test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
+	@$(BIN)/python -m pytest -m train --timeout 1800 tests/training
 
 test-real-server: setup .cache/real-server/.ready .cache/llama-server/.ready  ## the gateway before real model servers with tiny random models (6 GB of packages, once)
 	@$(BIN)/python -m pytest -m real_server --timeout 1800 tests/real_server
@@ -88,7 +92,7 @@ bench-model: setup  ## the embedded model's CPU time for five views against the 
 bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
 	@$(BIN)/python -m tests.load.bench_gateway $(ARGS)
 
-train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=3000]
+train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=900]
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
 	@$(BIN)/python -m training --streets $(STREETS)
 

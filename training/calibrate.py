@@ -2,7 +2,7 @@
 
 A raw score becomes a confidence by the share of such sightings that were right (a rising step function, smoothed to a
 line). `claim` is the lowest confidence at which missions made up of these pictures, flown in random order until
-something is claimed, claim wrongly in at most `WRONG` of the cases.
+something is claimed, claim wrongly in at most `WRONG` of the cases. `row` is what counts most floors rightly.
 """
 
 from collections import defaultdict
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.vlm_gateway.embedded.exported import Calibration
+from services.vlm_gateway.embedded.floors import rows_in
 from training.crop_store import overlap_matrix
 from training.judge import RIGHT, Look, fair
 
@@ -20,6 +21,8 @@ WRONG = 0.02
 LEAST = 0.02
 """A lower score is not worth looking at."""
 ORDERS = 4
+ROWS = tuple(round(0.1 + 0.02 * k, 2) for k in range(21))
+"""Thresholds for a row of windows that are tried."""
 _POINTS = 24
 
 
@@ -128,3 +131,15 @@ def claim_score(found: Sequence[Sighting], allowed: float = WRONG) -> float:
         if outcome(found, float(score)).wrong <= allowed:
             return float(score)
     return 0.99
+
+
+def row_threshold(all_looks: Iterable[Look]) -> float:
+    """The one of ROWS that counts most square pictures exactly, its neighbours taken into account; the middle one of
+    equals. Raises ValueError without square pictures."""
+    square = [look for look in all_looks if look.frontal]
+    if not square:
+        raise ValueError("there are no square pictures to count floors in")
+    exact = [sum(len(rows_in(look.row_profile, row)) == look.rows_true for look in square) for row in ROWS]
+    steady = np.convolve(np.pad(np.array(exact), 1, mode="edge"), (1, 2, 1), mode="valid")
+    best = np.flatnonzero(steady == steady.max())
+    return ROWS[int(best[len(best) // 2])]

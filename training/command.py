@@ -16,7 +16,7 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
     parser.add_argument("--home", type=Path, default=DEFAULT_HOME, help="where pictures and checkpoints lie")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--streets", type=int, default=3000, help="streets to train on; about 17 pictures each")
+    parser.add_argument("--streets", type=int, default=900, help="streets to train on; about 17 pictures each")
     stages = parser.add_subparsers(dest="stage")
     drawing = stages.add_parser("render", help="draw streets into shards")
     drawing.add_argument("--set", choices=("fit", "validation", "held_out"), default="fit")
@@ -54,10 +54,10 @@ def _stop(*_: object) -> None:
 
 def everything(home: Path, threads: int, streets: int) -> None:
     """All stages, one after the other, each from where it stopped."""
-    for which, count in (("fit", streets), ("validation", max(4, streets // 30)), ("held_out", max(2, streets // 60))):
+    for which, count in (("fit", streets), ("validation", max(4, streets // 15)), ("held_out", max(2, streets // 75))):
         draw(home, which, 0, count)
-    fit_proposer(home, 4 * streets, None, threads)
-    fit_namer(home, 8 * streets, None, threads, proposed=True)
+    fit_proposer(home, 13 * streets, None, threads)
+    fit_namer(home, 24 * streets, None, threads, proposed=True)
     export(home, None, "2")
 
 
@@ -147,7 +147,8 @@ def export(home: Path, out: Path | None, version: str) -> dict[str, float]:
     model = writing.plain_model(version)
     networks = Networks(folder)
     looks = list(judge.looks(shards(home / "validation"), networks, model))
-    figures = judge.figures(looks)
+    model = model.model_copy(update={"row": calibrate.row_threshold(looks)})
+    figures = judge.figures(looks, model.row)
     found = calibrate.sightings(looks)
     calibration = calibrate.calibrated(found)
     score = calibrate.claim_score(found)
@@ -158,8 +159,8 @@ def export(home: Path, out: Path | None, version: str) -> dict[str, float]:
     figures |= {"claims wrong at first sight": first.wrong, "missions with a right claim": first.found}
     for name in ("proposer", "namer"):
         figures[f"{name} steps"] = float(writing.steps_of(nets / f"{name}.pt"))
-    figures["training pictures"] = float(sum(1 for _ in shards(home / "fit")))
-    held_out = judge.figures(judge.looks(shards(home / "held_out"), networks, model))
+    figures["streets"] = float(sum(1 for _ in shards(home / "fit")))
+    held_out = judge.figures(judge.looks(shards(home / "held_out"), networks, model), model.row)
     figures |= {f"held-out looks: {k}": v for k, v in held_out.items()}
     figures = {k: round(v, 4) for k, v in figures.items()}
     writing.write_model(model.model_copy(update={"claim": claim, "candidate": candidate, "figures": figures}), folder)
@@ -170,5 +171,5 @@ def export(home: Path, out: Path | None, version: str) -> dict[str, float]:
     plots.recall_curves(looks, drawn / "recall.png")
     for key, value in figures.items():
         sys.stdout.write(f"{key:55} {value:.4f}\n")
-    sys.stdout.write(f"claim from {claim}, another look from {candidate}\n")
+    sys.stdout.write(f"claim from {claim}, another look from {candidate}; a row of windows from {model.row}\n")
     return figures

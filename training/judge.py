@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.vlm_gateway.embedded.crops import crop_squares, cut_crops, proposals
 from services.vlm_gateway.embedded.exported import Exported
-from services.vlm_gateway.embedded.floors import box_of, rows_of
+from services.vlm_gateway.embedded.floors import box_of, profile_of, rows_in, rows_of
 from services.vlm_gateway.embedded.model import softmax, tightened
 from services.vlm_gateway.embedded.network import Networks
 from training.crop_store import overlap_matrix
@@ -18,13 +18,16 @@ from training.shards import read
 Floats = NDArray[np.float32]
 RIGHT = 0.3
 """Overlap from which a box means the thing."""
+_TRUE_ROW = 0.4
+"""Of a label's ridge: one that is hidden in part counts as seen from here on."""
 FAIR_SHARE, FAIR_PIXELS, FAIR_M = 0.6, 200, 10.0
 """What should be found: so much of it seen, so large, so near."""
 
 
 class Look(NamedTuple):
     """One picture as the pair sees it. boxes, tight (P, 4) pixels; kind (P, C + 1), colour (P, K) shares; true_kind,
-    true_colour the same for crops of the things' own boxes; rows seen and true: counts at the picture's middle."""
+    true_colour the same for crops of the things' own boxes; row_profile (h,) of window rows at the picture's middle,
+    rows_true how many there are."""
 
     seed: int
     frontal: bool
@@ -35,7 +38,7 @@ class Look(NamedTuple):
     colour: Floats
     true_kind: Floats
     true_colour: Floats
-    rows_seen: int
+    row_profile: Floats
     rows_true: int
     box_overlap: float
 
@@ -63,10 +66,9 @@ def looks(paths: Iterable[Path], networks: Networks, model: Exported) -> Iterato
             true_rows = rows_of(
                 shard.row[view].astype(np.float32) / 255,
                 shard.building[view].astype(np.float32) / 255,
-                likely=model.row,
+                likely=_TRUE_ROW,
                 inside=model.building,
             )
-            seen_rows = rows_of(maps.row[0], maps.building[0], likely=model.row, inside=model.building)
             yield Look(
                 shard.seed,
                 bool(shard.frontal[view]),
@@ -77,7 +79,7 @@ def looks(paths: Iterable[Path], networks: Networks, model: Exported) -> Iterato
                 colour[:n],
                 kind[n:],
                 colour[n:],
-                len(seen_rows),
+                profile_of(maps.row[0], maps.building[0], inside=model.building),
                 len(true_rows),
                 _outline_overlap(maps.building[0], shard.building[view], model.building),
             )
@@ -114,8 +116,9 @@ def fair(things: NDArray[np.void]) -> NDArray[np.bool_]:
     )
 
 
-def figures(all_looks: Iterable[Look]) -> dict[str, float]:
-    """Shares over all pictures: proposals, names on true boxes, floors on square pictures, the building's box."""
+def figures(all_looks: Iterable[Look], row: float) -> dict[str, float]:
+    """Shares over all pictures: proposals, names on true boxes, floors on square pictures (rows of at least `row`), the
+    building's box."""
     proposed, overlap, named, painted, both = [], [], [], [], []
     floors, near, outline, claims = [], [], [], []
     for look in all_looks:
@@ -132,8 +135,9 @@ def figures(all_looks: Iterable[Look]) -> dict[str, float]:
             both += list(k & c)
         claims.append(float((look.kind[:, :-1].max(axis=1) > 0.5).sum()) if len(look.kind) else 0.0)
         if look.frontal:
-            floors.append(look.rows_seen == look.rows_true)
-            near.append(abs(look.rows_seen - look.rows_true) <= 1)
+            rows = len(rows_in(look.row_profile, row))
+            floors.append(rows == look.rows_true)
+            near.append(abs(rows - look.rows_true) <= 1)
             if np.isfinite(look.box_overlap):
                 outline.append(look.box_overlap)
     means = {

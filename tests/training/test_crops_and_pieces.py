@@ -8,8 +8,9 @@ import pytest
 
 from services.vlm_gateway.embedded.crops import proposals
 from training.ahead import Ahead
-from training.calibrate import Sighting, calibrated, claim_score, outcome, rising
+from training.calibrate import Sighting, calibrated, claim_score, outcome, rising, row_threshold
 from training.crop_store import CropBatches, Crops, backgrounds, collect, crops_of, moved, overlap_matrix
+from training.judge import Look
 from training.labels import STRIDE, Labels, Thing
 from training.pieces import PIECE_PX, Pieces, piece, targets
 from training.shards import THING, write
@@ -168,6 +169,20 @@ def test_the_claim_threshold_keeps_wrong_claims_within_what_is_allowed() -> None
     assert 0.6 < score < 0.75
     assert outcome(found, score).wrong <= 0.02
     assert outcome(found, 0.1).wrong > 0.2
+
+
+def square_look(rows_true: int, *strengths: float) -> Look:
+    profile = np.zeros(100, np.float32)
+    profile[10 : 10 + 12 * len(strengths) : 12] = strengths
+    none = np.zeros((0, 4), np.float32)
+    return Look(1, True, np.zeros(0, THING), none, none, none, none, none, none, profile, rows_true, 1.0)
+
+
+def test_rows_count_from_where_most_pictures_are_counted_rightly() -> None:
+    looks = [square_look(3, 0.4, 0.25, 0.5), square_look(2, 0.3, 0.3, 0.12), square_look(1, 0.13, 0.6)]
+    assert 0.13 < row_threshold(looks) <= 0.25
+    with pytest.raises(ValueError, match="no square pictures"):
+        row_threshold([])
 
 
 @pytest.mark.parametrize("workers", [0, 3])

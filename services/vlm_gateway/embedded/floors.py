@@ -12,6 +12,8 @@ from contracts.geometry import Box
 Floats = NDArray[np.float32]
 REACH = 0.25
 """Of the picture's width, to both sides of its middle: where rows of windows are looked for."""
+APART = 2.5
+"""Cells: no two floors are as near as this, even in a picture of a whole high-rise."""
 MERGE = 0.55
 """Rows nearer to each other than this share of the usual distance are one: a balcony's door beside a window."""
 MIN_CELLS = 3
@@ -32,17 +34,27 @@ def rows_of(row: Floats, building: Floats, *, likely: float, inside: float) -> l
     row, building: (h, w) 0..1. Counted up the column nearest to the middle in which the building is seen, and its
     neighbourhood, because a lamp post or a tree may stand right before it.
     """
+    return rows_in(profile_of(row, building, inside=inside), likely)
+
+
+def profile_of(row: Floats, building: Floats, *, inside: float) -> Floats:
+    """(h,): the mean of the map of rows about that column, 0 where the building is not seen."""
     seen = building >= inside
     columns = np.flatnonzero(seen.sum(axis=0) >= MIN_CELLS)
     if not len(columns):
-        return []
+        return np.zeros(len(row), np.float32)
     width = row.shape[1]
     column = int(columns[np.abs(columns + 0.5 - width / 2).argmin()])
     reach = max(1, round(REACH * width))
     near = slice(max(0, column - reach), min(width, column + reach + 1))
     shares = seen[:, near].sum(axis=1)
     profile = np.where(seen[:, near], row[:, near], 0.0).sum(axis=1) / np.maximum(shares, MIN_CELLS)
-    return merged(peaks(np.asarray(profile, np.float32), likely))
+    return np.asarray(profile, np.float32)
+
+
+def rows_in(profile: Floats, likely: float) -> list[Row]:
+    """Its peaks of at least `likely`, as many as can be floors."""
+    return merged(apart(peaks(profile, likely)))
 
 
 def peaks(profile: Floats, likely: float) -> list[Row]:
@@ -58,6 +70,15 @@ def peaks(profile: Floats, likely: float) -> list[Row]:
         shift = 0.0 if bend >= 0 or i in (0, last) else 0.5 * (before - after) / bend
         found.append(Row(i + 0.5 + min(0.5, max(-0.5, shift)), here))
     return found
+
+
+def apart(rows: list[Row]) -> list[Row]:
+    """Without rows that stand too near to a stronger one to be another floor."""
+    kept: list[Row] = []
+    for row in sorted(rows, key=lambda r: -r.strength):
+        if all(abs(row.at - other.at) >= APART for other in kept):
+            kept.append(row)
+    return kept
 
 
 def merged(rows: list[Row]) -> list[Row]:
