@@ -4,6 +4,8 @@ Both take pictures as the camera's JPEGs decode, uint8 (N, H, W, 3) RGB, so that
 Channel widths are multiples of 16, which the processor's convolutions like.
 """
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -118,7 +120,24 @@ class Namer(nn.Module):
 
 def scaled(pictures: Tensor) -> Tensor:
     """uint8 (N, H, W, 3) to float32 (N, 3, H, W) about zero."""
-    return (pictures.permute(0, 3, 1, 2).to(torch.float32) - 118.0) * (1 / 64.0)
+    numbers: Tensor = _FromBytes.apply(pictures.permute(0, 3, 1, 2))
+    return numbers
+
+
+class _FromBytes(torch.autograd.Function):
+    """Exported as one operation: as three they take a fifth of the proposer's time."""
+
+    MIDDLE, SPREAD = 118, 64.0
+
+    @staticmethod
+    def forward(_: Any, pixels: Tensor) -> Tensor:
+        return (pixels.to(torch.float32) - _FromBytes.MIDDLE) * (1 / _FromBytes.SPREAD)
+
+    @staticmethod
+    def symbolic(graph: Any, pixels: Any) -> Any:
+        scale = graph.op("Constant", value_t=torch.tensor(1 / _FromBytes.SPREAD))
+        zero = graph.op("Constant", value_t=torch.tensor(_FromBytes.MIDDLE, dtype=torch.uint8))
+        return graph.op("DequantizeLinear", pixels, scale, zero)
 
 
 def _doubled(x: Tensor) -> Tensor:
