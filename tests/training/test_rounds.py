@@ -1,52 +1,66 @@
 """Training runs: what was interrupted ends as if it had not been; what is exported answers as the network did.
 
-Needs the extra `train`; without it these tests are skipped.
+PyTorch is there only with the extra `train`, so what needs it is imported where it is used: `make test-train`.
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import onnxruntime
 import pytest
 
-torch = pytest.importorskip("torch")
+from services.sim.catalogue import CATALOGUE
+from services.vlm_gateway.embedded.exported import Exported
+from tests.training.test_crops_and_pieces import shard_with
+from training.crop_store import collect
 
-from tests.training.test_crops_and_pieces import shard_with  # noqa: E402
-from training import fit_namer, fit_proposer  # noqa: E402
-from training.crop_store import collect  # noqa: E402
-from training.export import plain_model, write_model, write_namer, write_proposer  # noqa: E402
-from training.nets import Namer, Proposer, ProposerAnswer  # noqa: E402
-from training.rounds import Plan, Trainer  # noqa: E402
+if TYPE_CHECKING:
+    from training.rounds import Plan, Trainer
 
-pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]
-PLAN = Plan(steps=20, rate=1e-3, warm=3, save_every=4, log_every=5)
+pytestmark = [pytest.mark.train, pytest.mark.filterwarnings("ignore")]
 
 
-def same(a: Trainer, b: Trainer) -> bool:
+@pytest.fixture
+def plan() -> "Plan":
+    from training.rounds import Plan
+
+    return Plan(steps=20, rate=1e-3, warm=3, save_every=4, log_every=5)
+
+
+def same(a: "Trainer", b: "Trainer") -> bool:
+    import torch
+
     ours, theirs = a.net.state_dict(), b.net.state_dict()
     smooth = all(torch.equal(a.smooth[k], b.smooth[k]) for k in a.smooth)
     return smooth and all(torch.equal(ours[k], theirs[k]) for k in ours)
 
 
-def test_an_interrupted_proposer_ends_as_one_that_was_not(tmp_path: Path) -> None:
+def test_an_interrupted_proposer_ends_as_one_that_was_not(tmp_path: Path, plan: "Plan") -> None:
+    import torch
+
+    from training import fit_proposer
+
     shards = [shard_with(tmp_path, s) for s in (1, 2)]
-    whole = fit_proposer.trainer(tmp_path / "whole", shards, PLAN, batch=2)
+    whole = fit_proposer.trainer(tmp_path / "whole", shards, plan, batch=2)
     whole.run()
-    fit_proposer.trainer(tmp_path / "parts", shards, PLAN, batch=2).run(until=9)
+    fit_proposer.trainer(tmp_path / "parts", shards, plan, batch=2).run(until=9)
     torch.manual_seed(99)  # another process has another chance
-    resumed = fit_proposer.trainer(tmp_path / "parts", shards, PLAN, batch=2)
+    resumed = fit_proposer.trainer(tmp_path / "parts", shards, plan, batch=2)
     assert resumed.step == 9
     resumed.run()
     assert resumed.step == whole.step == 20
     assert same(whole, resumed)
 
 
-def test_an_interrupted_namer_ends_as_one_that_was_not_and_learns(tmp_path: Path) -> None:
+def test_an_interrupted_namer_ends_as_one_that_was_not_and_learns(tmp_path: Path, plan: "Plan") -> None:
+    from training import fit_namer
+
     files = collect([shard_with(tmp_path, s) for s in (1, 2)], tmp_path / "crops", 10, context=1.6, min_px=24.0)
-    whole = fit_namer.trainer(tmp_path / "whole", files, 10, 4, PLAN, batch=8)
+    whole = fit_namer.trainer(tmp_path / "whole", files, 10, 4, plan, batch=8)
     whole.run()
-    fit_namer.trainer(tmp_path / "parts", files, 10, 4, PLAN, batch=8).run(until=11)
-    resumed = fit_namer.trainer(tmp_path / "parts", files, 10, 4, PLAN, batch=8)
+    fit_namer.trainer(tmp_path / "parts", files, 10, 4, plan, batch=8).run(until=11)
+    resumed = fit_namer.trainer(tmp_path / "parts", files, 10, 4, plan, batch=8)
     resumed.run()
     assert same(whole, resumed)
     log = (tmp_path / "whole" / "namer-log.jsonl").read_text(encoding="utf-8").splitlines()
@@ -55,6 +69,11 @@ def test_an_interrupted_namer_ends_as_one_that_was_not_and_learns(tmp_path: Path
 
 
 def test_exported_networks_answer_as_they_did(tmp_path: Path) -> None:
+    import torch
+
+    from training.export import write_namer, write_proposer
+    from training.nets import Namer, Proposer, ProposerAnswer
+
     torch.manual_seed(1)
     proposer, namer = Proposer().eval(), Namer(7, 4).eval()
     write_proposer(proposer, tmp_path / "proposer.onnx")
@@ -77,8 +96,7 @@ def test_exported_networks_answer_as_they_did(tmp_path: Path) -> None:
 
 
 def test_the_description_names_every_class_and_colour_of_the_catalogue(tmp_path: Path) -> None:
-    from services.sim.catalogue import CATALOGUE
-    from services.vlm_gateway.embedded.exported import Exported
+    from training.export import plain_model, write_model
 
     model = plain_model("2-test")
     write_model(model, tmp_path)
