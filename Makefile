@@ -92,9 +92,9 @@ bench-model: setup  ## the embedded model's CPU time for five views against the 
 bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
 	@$(BIN)/python -m tests.load.bench_gateway $(ARGS)
 
-train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=900]
+train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=900] [ARGS=...]
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
-	@$(BIN)/python -m training --streets $(STREETS)
+	@$(BIN)/python -m training --streets $(STREETS) $(ARGS)
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

@@ -26,6 +26,10 @@ ROWS = tuple(round(0.1 + 0.02 * k, 2) for k in range(21))
 _POINTS = 24
 
 
+PLAIN = Calibration(score=(0.0, 1.0), probability=(0.0, 1.0))
+"""Before anything is known: the score itself."""
+
+
 class Sighting(NamedTuple):
     """The best sighting of one question in one picture; `fair` says that the thing asked for should be found there."""
 
@@ -65,11 +69,11 @@ def _ask(view: Look, question: tuple[int, int, int]) -> Sighting:
 
 
 def calibrated(found: Sequence[Sighting]) -> Calibration:
-    """A rising line through the share of right sightings. Raises ValueError without sightings."""
+    """A rising line through the share of right sightings; with next to no sightings the score stands for itself."""
     score = np.array([s.score for s in found if s.score >= LEAST])
     right = np.array([s.right for s in found if s.score >= LEAST], np.float64)
     if len(score) < 2:
-        raise ValueError("there are too few sightings to calibrate on")
+        return PLAIN
     order = np.argsort(score, kind="stable")
     score, share = score[order], rising(right[order])
     at = np.unique(np.linspace(0, len(score) - 1, _POINTS).astype(int))

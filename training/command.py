@@ -10,6 +10,10 @@ from training.progress import progress
 
 DEFAULT_HOME = Path("runs/training")
 CONTEXT, LEAST_PX = 1.6, 24.0
+PROPOSER_STEPS, NAMER_STEPS = 13, 24
+"""For each street."""
+VERSION = "2"
+INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -17,6 +21,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--home", type=Path, default=DEFAULT_HOME, help="where pictures and checkpoints lie")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--streets", type=int, default=900, help="streets to train on; about 17 pictures each")
+    parser.add_argument("--out", type=Path, help="where the files are written (default: the gateway's own folder)")
     stages = parser.add_subparsers(dest="stage")
     drawing = stages.add_parser("render", help="draw streets into shards")
     drawing.add_argument("--set", choices=("fit", "validation", "held_out"), default="fit")
@@ -27,24 +32,32 @@ def main(arguments: Sequence[str]) -> int:
         fitting = stages.add_parser(name, help=f"train the {name}")
         fitting.add_argument("--steps", type=int, default=steps, help="in all, earlier runs included")
         fitting.add_argument("--until", type=int, help="stop here, as if interrupted")
-        fitting.add_argument("--proposed", action="store_true", help="the namer: on the proposer's boxes as well")
-        fitting.add_argument("--also", type=Path, action="append", default=[], help="folders of more crops")
     leaving = stages.add_parser("export", help="write the gateway's files from the checkpoints, calibrate, draw")
-    leaving.add_argument("--out", type=Path, help="where to (default: the gateway's own folder)")
-    leaving.add_argument("--version", default="2")
+    leaving.add_argument("--version", default=VERSION)
     chosen = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, _stop)
+    try:
+        _run(chosen)
+    except KeyboardInterrupt:
+        sys.stderr.write("interrupted; the same command goes on from here\n")
+        return INTERRUPTED
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"training: {error}\n")
+        return 1
+    return 0
+
+
+def _run(chosen: argparse.Namespace) -> None:
     if chosen.stage == "render":
         draw(chosen.home, chosen.set, chosen.first, chosen.count, chosen.every)
     elif chosen.stage == "proposer":
         fit_proposer(chosen.home, chosen.steps, chosen.until, chosen.threads)
     elif chosen.stage == "namer":
-        fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads, chosen.also, proposed=chosen.proposed)
+        fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads)
     elif chosen.stage == "export":
         export(chosen.home, chosen.out, chosen.version)
     else:
-        everything(chosen.home, chosen.threads, chosen.streets)
-    return 0
+        everything(chosen.home, chosen.out, chosen.threads, chosen.streets)
 
 
 def _stop(*_: object) -> None:
@@ -52,13 +65,13 @@ def _stop(*_: object) -> None:
     raise KeyboardInterrupt
 
 
-def everything(home: Path, threads: int, streets: int) -> None:
+def everything(home: Path, out: Path | None, threads: int, streets: int) -> None:
     """All stages, one after the other, each from where it stopped."""
     for which, count in (("fit", streets), ("validation", max(4, streets // 15)), ("held_out", max(2, streets // 75))):
         draw(home, which, 0, count)
-    fit_proposer(home, 13 * streets, None, threads)
-    fit_namer(home, 24 * streets, None, threads, proposed=True)
-    export(home, None, "2")
+    fit_proposer(home, PROPOSER_STEPS * streets, None, threads)
+    fit_namer(home, NAMER_STEPS * streets, None, threads)
+    export(home, out, VERSION)
 
 
 def draw(home: Path, which: str, first: int, count: int, every: int = 1) -> None:
@@ -87,10 +100,8 @@ def fit_proposer(home: Path, steps: int, until: int | None, threads: int) -> Non
     fitting.trainer(home / "nets", paths, plan, device=device, workers=workers).run(until)
 
 
-def fit_namer(
-    home: Path, steps: int, until: int | None, threads: int, also: Sequence[Path] = (), *, proposed: bool = False
-) -> None:
-    """`proposed`: crops of what the proposer proposes too, as the namer will meet it, and not only of true boxes."""
+def fit_namer(home: Path, steps: int, until: int | None, threads: int) -> None:
+    """On true boxes and on what the proposer proposes, as the namer will meet it. Raises OSError without a proposer."""
     import torch
 
     from training import fit_namer as fitting
@@ -101,21 +112,16 @@ def fit_namer(
 
     torch.set_num_threads(threads)
     kinds, colours = len(kind_numbers()), len(colour_numbers())
-    folder, propose = home / "crops", None
-    if proposed:
-        folder, propose = home / "crops-proposed", proposer_of(home / "nets" / "proposer.pt")
     with progress() as bar:
         paths = list(shards(home / "fit"))
         files = collect(
             bar.track(paths, description="cutting crops"),
-            folder,
+            home / "crops-proposed",
             kinds,
             context=CONTEXT,
             min_px=LEAST_PX,
-            propose=propose,
+            propose=proposer_of(home / "nets" / "proposer.pt"),
         )
-    for folder in also:
-        files += shards(folder)
     plan = fitting.PLAN._replace(steps=steps)
     device, workers = _device()
     fitting.trainer(home / "nets", files, kinds, colours, plan, device=device, workers=workers).run(until)

@@ -12,17 +12,15 @@ from services.vlm_gateway.embedded.exported import (
     MODEL_FILE,
     NAMER_FILE,
     PROPOSER_FILE,
-    Calibration,
     Exported,
     Proposing,
 )
+from training.calibrate import PLAIN
 from training.nets import Namer, Proposer, ProposerAnswer
 from training.render import colour_numbers, kind_numbers
 
 OPSET = 17
 CONTEXT, LEAST_PX, CROP_PX = 1.6, 24.0, 64
-PLAIN = Calibration(score=(0.0, 1.0), probability=(0.0, 1.0))
-"""Before anything is known: the score itself."""
 
 
 def smoothed(checkpoint: Path, net: nn.Module) -> nn.Module:
