@@ -1,5 +1,6 @@
 """JSON bodies of megabytes: validated straight from the bytes, without a detour over Python objects."""
 
+import asyncio
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -7,6 +8,9 @@ from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from pydantic import BaseModel, ValidationError
+
+BIG_BODY_BYTES = 512 * 1024
+"""From here on a body is read in a thread, so that health checks and other callers are still answered."""
 
 
 class JsonRoute(APIRoute):
@@ -30,7 +34,10 @@ class JsonRoute(APIRoute):
             if not data:
                 return await usual(request)
             try:
-                message = model.model_validate_json(data)
+                if len(data) > BIG_BODY_BYTES:
+                    message = await asyncio.to_thread(model.model_validate_json, data)
+                else:
+                    message = model.model_validate_json(data)
             except ValidationError as error:
                 found = error.errors(include_url=False, include_context=False, include_input=False)
                 raise RequestValidationError([{**e, "loc": ("body", *e["loc"])} for e in found]) from None

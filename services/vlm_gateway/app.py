@@ -2,16 +2,13 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Callable, Coroutine, Iterable, Mapping
+from collections.abc import AsyncIterator, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
 from fastapi import FastAPI, Request
-from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
-from fastapi.routing import APIRoute
 from prometheus_client.core import Metric
-from pydantic import ValidationError
 from starlette.types import Receive
 
 from contracts.vlm_gateway import (
@@ -27,21 +24,20 @@ from contracts.vlm_gateway import (
 )
 from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion, ServiceError
+from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.backends.chat import ChatBackend
-from services.vlm_gateway.errors import ModelTimeout
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.door import HotDoor
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.models import Models
 from services.vlm_gateway.hot.server import PATH
+from services.vlm_gateway.hot.watch import caller_left, stated_timeout_s, too_late
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import gauge
 
 MAX_BODY_BYTES = 24 * 1024 * 1024
 BODY_WITHIN_S = 30.0
-BIG_BODY_BYTES = 512 * 1024
-"""From here on a body is parsed in a thread, so that health checks and other callers are still answered."""
 
 T = TypeVar("T")
 
@@ -89,7 +85,7 @@ def build_app(
         metrics=metrics,
         lifespan=lifespan,
     )
-    app.router.route_class = _OneValidation
+    app.router.route_class = JsonRoute
     gateway.metrics.watch(lambda: _gauges(chats))
 
     async def ask(question: Question, request: Request) -> Response:
@@ -166,57 +162,23 @@ def build_app(
     )
 
 
-class _OneValidation(APIRoute):
-    """Bodies go straight from bytes to the contract's type. The framework's own way, parse and then validate, takes
-    several times as long over pictures and holds the event loop meanwhile."""
-
-    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        endpoint = self.endpoint
-        model = endpoint.__annotations__.get("question")
-        if model is None:
-            return super().get_route_handler()
-
-        async def handle(request: Request) -> Response:
-            raw = await request.body()
-            if len(raw) > BIG_BODY_BYTES:
-                question = await asyncio.to_thread(_validated, model, raw)
-            else:
-                question = _validated(model, raw)
-            answer: Response = await endpoint(question=question, request=request)
-            return answer
-
-        return handle
-
-
-def _validated(model: type[Question], raw: bytes) -> Question:
-    try:
-        return model.model_validate_json(raw)
-    except ValidationError as error:
-        problems = error.errors(include_url=False, include_context=False, include_input=False)
-        raise RequestValidationError(problems) from None
-
-
 async def _within(request: Request, work: Coroutine[Any, Any, T]) -> T:
     """`work`, for as long as the caller stays and is going to wait, if it says so in `x-timeout-s`; then it is
     cancelled, so that no model works for nobody."""
-    stated = request.headers.get("x-timeout-s")
-    limit_s = None
-    if stated is not None:
-        try:
-            limit_s = float(stated)
-        except ValueError:
-            limit_s = 0.0
-        if not 0.001 <= limit_s <= 3600.0:
-            work.close()
-            raise BadQuestion(f"x-timeout-s: {stated[:20]!r} is no number of seconds from 0.001 to 3600")
+    try:
+        limit_s = stated_timeout_s(request.headers.get("x-timeout-s"))
+    except BadQuestion:
+        work.close()
+        raise
     working, leaving = asyncio.ensure_future(work), asyncio.ensure_future(gone(request.receive))
     try:
         await asyncio.wait({working, leaving}, timeout=limit_s, return_when=asyncio.FIRST_COMPLETED)
         if working.done():
             return working.result()
         if leaving.done():
-            raise ServiceError("the caller has left", code="caller_left", status=499)
-        raise ModelTimeout(f"no answer within the caller's {limit_s:g} s")
+            raise caller_left()
+        assert limit_s is not None
+        raise too_late(limit_s)
     finally:
         unfinished = [task for task in (working, leaving) if not task.done()]
         for task in unfinished:

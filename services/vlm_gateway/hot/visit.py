@@ -13,7 +13,7 @@ from uvicorn.server import ServerState
 
 from contracts.vlm_gateway import CacheResult
 from service_kit.errors import BadQuestion, ServiceError
-from services.vlm_gateway.hot.watch import Watch, caller_left
+from services.vlm_gateway.hot.watch import Watch, caller_left, stated_timeout_s
 from services.vlm_gateway.keys import ANYBODY, Key
 
 _TRACEPARENT = re.compile(rb"00-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
@@ -42,16 +42,7 @@ class Head(NamedTuple):
     @property
     def timeout_s(self) -> float | None:
         """Raises BadQuestion."""
-        if self.timeout_said is None:
-            return None
-        try:
-            limit_s = float(self.timeout_said)
-        except ValueError:
-            limit_s = 0.0
-        if not 0.001 <= limit_s <= 3600.0:
-            said = self.timeout_said[:20].decode("latin-1")
-            raise BadQuestion(f"x-timeout-s: {said!r} is no number of seconds from 0.001 to 3600")
-        return limit_s
+        return stated_timeout_s(self.timeout_said)
 
 
 def head_of(headers: Iterable[Header]) -> Head:

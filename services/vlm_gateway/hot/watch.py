@@ -1,9 +1,9 @@
-"""Ends the work for a request whose caller has left, or is not going to wait any longer."""
+"""Ends the work for a request whose caller has left, or is not going to wait any longer, as `x-timeout-s` says."""
 
 import asyncio
 from collections.abc import Callable
 
-from service_kit.errors import ServiceError
+from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.errors import ModelTimeout
 
 
@@ -30,6 +30,20 @@ class Watch:
         """End the work now."""
         self.why = self.why or why
         self._task.cancel()
+
+
+def stated_timeout_s(said: str | bytes | None) -> float | None:
+    """What `x-timeout-s` says; None where it says nothing. Raises BadQuestion."""
+    if said is None:
+        return None
+    try:
+        limit_s = float(said)
+    except ValueError:
+        limit_s = 0.0
+    if not 0.001 <= limit_s <= 3600.0:
+        shown = said if isinstance(said, str) else said.decode("latin-1")
+        raise BadQuestion(f"x-timeout-s: {shown[:20]!r} is no number of seconds from 0.001 to 3600")
+    return limit_s
 
 
 def caller_left() -> ServiceError:
