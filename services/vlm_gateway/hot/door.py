@@ -156,9 +156,15 @@ class HotDoor:
         held = 0
         try:
             limit_s = head.timeout_s
-            raw = await self._body(head, visit)
-            held = len(raw)
+            if head.length > self.max_body_bytes:
+                raise too_large(self.max_body_bytes)
+            if self._held + head.length > MAX_HELD_BYTES:
+                raise ModelOverloaded("the gateway holds as many bytes of requests as it may; ask again later")
+            held = head.length
             self._held += held
+            raw = await self._body(visit)
+            self._held += len(raw) - held  # of a body that came without its length
+            held = len(raw)
             if limit_s is not None:
                 watch.limit(max(0.001, limit_s - visit.took_s()), partial(too_late, limit_s))
             await self._served(head, raw, visit)
@@ -172,12 +178,8 @@ class HotDoor:
         finally:
             self._held -= held
 
-    async def _body(self, head: Head, visit: Visit) -> bytes:
-        """The request's body, bounded while it comes in."""
-        if head.length > self.max_body_bytes:
-            raise too_large(self.max_body_bytes)
-        if self._held + head.length > MAX_HELD_BYTES:
-            raise ModelOverloaded("the gateway holds as many bytes of requests as it may; ask again later")
+    async def _body(self, visit: Visit) -> bytes:
+        """The request's body, bounded in size and time while it comes in."""
         if visit.body_is_whole:
             return await visit.body()
         visit.watch.limit(self._body_within_s, slow_body)
