@@ -50,7 +50,7 @@ def whiskers(groups: Mapping[str, Sequence[tuple[int, str, Rate]]], titles: Mapp
     rows = sum(len(rates) for rates in groups.values())
     if not rows:
         return _empty()
-    left, right, pitch, gap = 112.0, 104.0, 17.0, 9.0
+    left, right, pitch, gap = 112.0, 124.0, 17.0, 9.0
     height = round(_TOP + rows * pitch + len(groups) * gap + 26)
     inner = WIDTH - left - right
 
@@ -81,7 +81,7 @@ def bars(rows: Mapping[str, Sequence[tuple[int, str, int, int]]], titles: Mappin
     count = sum(len(values) for values in rows.values())
     if not count:
         return _empty()
-    left, right, pitch, gap = 118.0, 96.0, 15.0, 8.0
+    left, right, pitch, gap = 118.0, 110.0, 15.0, 8.0
     height = round(_TOP + count * pitch + len(rows) * gap + 4)
     inner = WIDTH - left - right
     longest = max((k / n for values in rows.values() for _, _, k, n in values if n), default=1.0) or 1.0
@@ -112,7 +112,8 @@ def bars(rows: Mapping[str, Sequence[tuple[int, str, int, int]]], titles: Mappin
 
 
 def _title(name: str, titles: Mapping[str, str]) -> str:
-    return titles.get(name, name.replace("_", " ").strip())
+    # a single letter is a shape: an L, a T, a U
+    return titles.get(name, name.upper() if len(name) == 1 else name.replace("_", " ").strip())
 
 
 def _y_axis(left: float, right: float, y: Callable[[float], float]) -> Html:

@@ -182,7 +182,7 @@ def _facts(task: Task, record: EpisodeRecord) -> Html:
         error_m = height_error_m(task, result)
         understood = f"floor {result.floor or '?'}, {result.object or 'no object'}"
         rows.append(("understood", understood))
-        rows.append(("floor height", "none found" if error_m is None else f"{error_m:.1f} m off"))
+        rows.append(("height found", "none" if error_m is None else f"{error_m:.1f} m off"))
         if result.verdict is not None:
             rows.append(("stopped", f"{number(result.verdict.distance_m, 1)} m from the window's centre"))
         rows.append(("flown", f"{result.path_m:.0f} m, shortest {task.shortest_spatial_m:.0f} m"))

@@ -80,7 +80,7 @@ def _share_of(summary: Summary) -> str:
     """How near the run comes to what somebody with the whole map and a coin would score."""
     if not summary.ideal_lap_spl or summary.spl.horizontal is None:
         return ""
-    return f", of which {summary.spl.horizontal / summary.ideal_lap_spl:.2f}× reached"
+    return f"; reached {summary.spl.horizontal / summary.ideal_lap_spl:.2f} of it"
 
 
 def _run_card(k: int, run: Run) -> Html:
@@ -95,7 +95,7 @@ def _run_card(k: int, run: Run) -> Html:
         ("Recognition failures", _of(summary.recognition_fail)),
         ("Collisions", str(summary.collisions)),
         ("Time", f"{_duration(summary.wall_s)} with {counted(settings.workers, 'worker')}"),
-        ("Rendering and models", f"{_duration(busy)}" + (f", {summary.wall_s / busy:.2f}× in all" if busy else "")),
+        ("Rendering and models", _duration(busy) + (f"; wall time {summary.wall_s / busy:.2f} of it" if busy else "")),
     ]
     return tag(
         "article",

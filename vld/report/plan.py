@@ -123,8 +123,8 @@ def plan_key() -> Html:
         ("stop with the window in plain view", tag("circle", cx=8, cy=7, r=5, class_="stop seen")),
         ("end, and where the nose points", tag("polygon", points="15,7 3,13 6,7 3,1", class_="end bad")),
         ("facade the contour search inspected", tag("rect", x=2, y=3, width=12, height=8, class_="cells inspected")),
-        ("not yet", tag("rect", x=2, y=3, width=12, height=8, class_="cells uninspected")),
-        ("expected out of sight", tag("rect", x=2, y=3, width=12, height=8, class_="cells expected")),
+        ("facade it did not", tag("rect", x=2, y=3, width=12, height=8, class_="cells uninspected")),
+        ("facade it expected out of sight", tag("rect", x=2, y=3, width=12, height=8, class_="cells expected")),
         ("the customer's window, and its side", tag("polygon", points="6,0 10,0 14,14 2,14", class_="target")),
     )
     return tag(
