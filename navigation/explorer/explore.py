@@ -109,13 +109,11 @@ def _cut_now(memory: Memory, pose: Pose) -> int:
 def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: Settings) -> tuple[Decision, Memory]:
     """The goal, and the stop on the way to it. Where nothing useful can be reached: first the cut is lifted, then
     given-up pieces are taken up again, then the search is done."""
-    pose = scan.pose
+    pose, grid = scan.pose, memory.map
+    clear, walls = path.clearance_m(grid), _cut_cells(memory, settings)
     for _ in range(_MOST_PLANS):
-        grid = memory.map
         # when all that matters is seen, the little pieces get their look as well
         left = facade.unseen(grid, target, settings, _LEAST_PATCH_M if memory.relaxed else None)
-        walls = _cut_cells(memory, settings)
-        clear = path.clearance_m(grid)
         goal = choose_goal(grid, left, clear, walls, pose, settings) if left.any() else None
         if goal is not None:
             decision = next_stop(grid, goal, clear, walls, pose, near, settings)
@@ -132,6 +130,7 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
             continue
         if memory.cut == CUT_ON:
             memory = memory._replace(cut=CUT_LIFTED)
+            walls = _cut_cells(memory, settings)
         elif memory.relaxed < settings.relax_rounds:
             grid.attempts[target] = 0
             frontier.expect_openings(grid, target, settings)
