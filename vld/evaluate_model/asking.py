@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import pybase64
 
-from contracts.base import Name, Wire
+from contracts.base import Name, Unit, Wire
 from contracts.geometry import Box
 from contracts.images import JpegImage
 from contracts.sim import Catalogue
@@ -44,11 +44,13 @@ class Sought(Wire):
 
 
 class Counted(Wire):
-    """One count of floors and the building's box in the same picture; null where no readable answer came."""
+    """One count of floors and the building's box in the same picture; null where no readable answer came. `rows`: where
+    the model says their windows are, as in contracts.vlm_gateway.FloorCountAnswer."""
 
     seed: int
     front: int
     floors: int | None
+    rows: tuple[Unit, ...] | None = None
     box: Box | None
     latency_s: float = 0.0
 
@@ -117,6 +119,7 @@ class Asker:
             seed=case.seed,
             front=number,
             floors=count.floors if count else None,
+            rows=count.rows if count else None,
             box=building.box if building else None,
             latency_s=count.latency_s if count else 0.0,
         )

@@ -182,7 +182,7 @@ from a cache.
 A claim is a match of at least the claim's confidence ({threshold}); a candidate one of at least
 {s.candidate_confidence:g}. A claim is right when its middle lies in the box of such a thing, grown by a quarter. A
 task's claim is the first one in the order lap, far, near; in flight a candidate is looked at again from nearer before
-anything is claimed. Floor heights follow from eq. 3 and the counts alone; a mission measures the rows as well. No
+anything is claimed. Floor heights follow from eq. 3 and the window rows, as in a mission that flies without error. No
 threshold and no calibration is chosen on these streets. Intervals are Wilson's, 95 %.
 """
 

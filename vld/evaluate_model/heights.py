@@ -1,9 +1,20 @@
-"""Floor localization replayed on the counts of one model: the pictures are the bands' own, eq. 3 the mission's."""
+"""Floor localization replayed on the counts of one model: the pictures are the bands' own, eq. 3 and what is made of
+window rows are the mission's."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from navigation.floor_localization import FinalHeight, Settings, band, band_span_m, decide, direct_count
+from navigation.floor_localization import (
+    FinalHeight,
+    Settings,
+    WindowRows,
+    across_edge,
+    band,
+    band_span_m,
+    corrected,
+    decide,
+    direct_count,
+)
 from vld.evaluate_model.asking import Answers, Counted
 from vld.evaluate_model.cases import Case, Front
 from vld.evaluate_model.pictures import VERTICAL_FOV_RAD
@@ -40,17 +51,31 @@ def heights(cases: Mapping[int, Case], answers: Answers) -> Heights:
     )
 
 
-def stepwise_m(case: Case, counts: Mapping[int, int | None]) -> float | None:
-    """The final height by eq. 3, band after band; null where it isn't found. counts: by number of the band."""
+class Told(NamedTuple):
+    """One answer about a band: its floors, and their window rows where there is one for each."""
+
+    floors: int | None
+    rows: tuple[float, ...] = ()
+
+
+def stepwise_m(case: Case, counts: Mapping[int, Told]) -> float | None:
+    """The final height, band after band; null where it isn't found. counts: by number of the band."""
     bands = {front.number: front for front in case.fronts if front.number}
     counted = 0.0
+    below: WindowRows | None = None
     for number in sorted(bands):
         front = bands[number]
+        floors, rows = counts.get(number, Told(None))
         here = band(number, band_span_m(front.stand_off_m, VERTICAL_FOV_RAD))
-        decision = decide(here, counted, counts.get(number), case.floor, front.facade_top_m, _EQ3)
+        seen = WindowRows(rows, front.camera_m, front.stand_off_m, VERTICAL_FOV_RAD) if rows else None
+        if seen is not None and below is not None:
+            seen = seen._replace(rows=across_edge(seen, below, here.lower_m))
+            floors = len(seen.rows)
+        decision = decide(here, counted, floors, case.floor, front.facade_top_m, _EQ3)
         if isinstance(decision, FinalHeight):
-            return decision.height_m
-        counted += counts.get(number) or 0
+            return (decision if seen is None else corrected(decision, case.floor, seen, _EQ3)).height_m
+        below = seen
+        counted += floors or 0
     return None
 
 
@@ -69,11 +94,11 @@ def _rates(cases: Sequence[Case], counts: Mapping[int, Mapping[int, Counted]]) -
     whole = [(f, c) for case in cases for f, c in _pairs(case, counts) if not f.number]
     stepwise, direct = [], []
     for case in cases:
-        told = {f.number: c.floors for f, c in _pairs(case, counts)}
+        told = {f.number: _told(c) for f, c in _pairs(case, counts)}
         goal_m = (case.floor - 0.5) * case.floor_height_m
         stepwise.append((stepwise_m(case, told), goal_m, case.floor_height_m))
         if 0 in told:
-            direct.append((direct_m(case, told[0]), goal_m, case.floor_height_m))
+            direct.append((direct_m(case, told[0].floors), goal_m, case.floor_height_m))
     return {
         "exact": rate(c.floors == f.truth.floors_visible for f, c in bands),
         "within one": rate(_within_one(f, c) for f, c in bands),
@@ -88,6 +113,11 @@ def _rates(cases: Sequence[Case], counts: Mapping[int, Mapping[int, Counted]]) -
 def _pairs(case: Case, counts: Mapping[int, Mapping[int, Counted]]) -> list[tuple[Front, Counted]]:
     mine = counts[case.seed]
     return [(front, mine[k]) for k, front in enumerate(case.fronts) if k in mine]
+
+
+def _told(counted: Counted) -> Told:
+    rows = counted.rows or ()
+    return Told(counted.floors, rows if len(rows) == counted.floors else ())
 
 
 def _within_one(front: Front, counted: Counted) -> bool:

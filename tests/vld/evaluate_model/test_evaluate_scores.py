@@ -11,7 +11,7 @@ from contracts.vlm_gateway import Match
 from vld.evaluate_model.asking import Answers, Counted, Sought
 from vld.evaluate_model.card import card
 from vld.evaluate_model.cases import Case, Front, Look
-from vld.evaluate_model.heights import direct_m, stepwise_m
+from vld.evaluate_model.heights import Told, direct_m, stepwise_m
 from vld.evaluate_model.judged import judged
 from vld.evaluate_model.mistakes import taken_for
 from vld.evaluate_model.questions import Role
@@ -192,10 +192,21 @@ def test_a_model_that_gives_no_answer_finds_nothing_and_is_told_apart() -> None:
 
 def test_heights_follow_from_the_counts_by_eq_3() -> None:
     street = case(1, fronts=(front(1, 6, top=None), front(2, 6, top=36.0), front(0, 12, top=36.0)), floor=9)
-    assert stepwise_m(street, {1: 6, 2: 6}) == pytest.approx(25.5)
+    assert stepwise_m(street, {1: Told(6), 2: Told(6)}) == pytest.approx(25.5)
     assert direct_m(street, 12) == pytest.approx(25.5)
-    assert stepwise_m(street, {1: 6, 2: None}) is None
-    assert stepwise_m(street, {1: 2, 2: 2}) is None
+    assert stepwise_m(street, {1: Told(6), 2: Told(None)}) is None
+    assert stepwise_m(street, {1: Told(2), 2: Told(2)}) is None
+
+
+def test_a_window_row_on_the_edge_of_two_bands_is_one_floor_where_rows_are_told() -> None:
+    street = case(1, fronts=(front(1, 5, top=None), front(2, 5, top=36.0)), floor=9)
+    windows_m = [2.0 + 4.0 * floor for floor in range(9)]
+    rows = {
+        n: tuple(0.5 - (z - (18 * n - 9)) / 18 for z in windows_m[::-1] if abs(z - 18 * n + 9) <= 9) for n in (1, 2)
+    }
+    assert [len(r) for r in rows.values()] == [5, 5]
+    assert stepwise_m(street, {n: Told(5, r) for n, r in rows.items()}) == pytest.approx(34.0, abs=0.5)
+    assert stepwise_m(street, {1: Told(5), 2: Told(5)}) == pytest.approx(30.6)
 
 
 def test_floor_failures_are_heights_more_than_seven_metres_off() -> None:
