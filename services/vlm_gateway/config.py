@@ -327,6 +327,8 @@ def _keys_beside(document: Mapping[str, Any], place: list[str]) -> list[str]:
     """The keys that are allowed where `place` is not."""
     if len(place) < 3:
         return list(_File.model_fields)
+    if place[0] == "keys":
+        return list(KeyConfig.model_fields)
     variants: dict[str, type[Wire]] = {
         "embedded": EmbeddedModelConfig,
         "scripted": ScriptedModelConfig,
