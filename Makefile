@@ -94,7 +94,12 @@ bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by si
 
 train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=900] [ARGS=...]
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
-	@$(BIN)/python -m training --streets $(STREETS) $(ARGS)
+	@$(BIN)/python -m training $(ARGS) render --set fit --count $(STREETS)
+	@$(BIN)/python -m training $(ARGS) render --set validation --count $$(($(STREETS) / 15 + 4))
+	@$(BIN)/python -m training $(ARGS) render --set held_out --count $$(($(STREETS) / 75 + 2))
+	@$(BIN)/python -m training $(ARGS) proposer --steps $$((13 * $(STREETS)))
+	@$(BIN)/python -m training $(ARGS) namer --steps $$((24 * $(STREETS)))
+	@$(BIN)/python -m training $(ARGS) export
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

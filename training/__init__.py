@@ -1,6 +1,6 @@
 """How the embedded vision model is made: pictures of random streets, labels, two networks, their files and figures.
 
-`make train` (or `python -m training`) renders, trains, calibrates, exports and draws; whatever was interrupted goes on
+`make train` renders, trains, calibrates, exports and draws; whatever was interrupted goes on
 where it stopped. Needs the extra `train` (PyTorch); nothing that runs in a delivery imports this package.
 
     looks, streets, stops   what is drawn, by seed

@@ -1,4 +1,4 @@
-"""`python -m training`: make the embedded model, or one stage of it. `--help` says which."""
+"""`python -m training STAGE`: one stage of making the embedded model; `make train` runs them all."""
 
 import sys
 

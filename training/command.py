@@ -1,4 +1,7 @@
-"""The command line of the training: every stage goes on where it was interrupted."""
+"""The command line of the training: every stage goes on where it was interrupted.
+
+A stage is a process of its own: the renderer's software driver and PyTorch don't bear each other.
+"""
 
 import argparse
 import signal
@@ -10,8 +13,6 @@ from training.progress import progress
 
 DEFAULT_HOME = Path("runs/training")
 CONTEXT, LEAST_PX = 1.6, 24.0
-PROPOSER_STEPS, NAMER_STEPS = 13, 24
-"""For each street."""
 VERSION = "2"
 INTERRUPTED = 130
 
@@ -20,9 +21,8 @@ def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m training", description=__doc__)
     parser.add_argument("--home", type=Path, default=DEFAULT_HOME, help="where pictures and checkpoints lie")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--streets", type=int, default=900, help="streets to train on; about 17 pictures each")
     parser.add_argument("--out", type=Path, help="where the files are written (default: the gateway's own folder)")
-    stages = parser.add_subparsers(dest="stage")
+    stages = parser.add_subparsers(dest="stage", required=True)
     drawing = stages.add_parser("render", help="draw streets into shards")
     drawing.add_argument("--set", choices=("fit", "validation", "held_out"), default="fit")
     drawing.add_argument("--first", type=int, default=0)
@@ -54,24 +54,13 @@ def _run(chosen: argparse.Namespace) -> None:
         fit_proposer(chosen.home, chosen.steps, chosen.until, chosen.threads)
     elif chosen.stage == "namer":
         fit_namer(chosen.home, chosen.steps, chosen.until, chosen.threads)
-    elif chosen.stage == "export":
-        export(chosen.home, chosen.out, chosen.version)
     else:
-        everything(chosen.home, chosen.out, chosen.threads, chosen.streets)
+        export(chosen.home, chosen.out, chosen.version)
 
 
 def _stop(*_: object) -> None:
     """Ended from outside: what is running saves its checkpoint and goes."""
     raise KeyboardInterrupt
-
-
-def everything(home: Path, out: Path | None, threads: int, streets: int) -> None:
-    """All stages, one after the other, each from where it stopped."""
-    for which, count in (("fit", streets), ("validation", max(4, streets // 15)), ("held_out", max(2, streets // 75))):
-        draw(home, which, 0, count)
-    fit_proposer(home, PROPOSER_STEPS * streets, None, threads)
-    fit_namer(home, NAMER_STEPS * streets, None, threads)
-    export(home, out, VERSION)
 
 
 def draw(home: Path, which: str, first: int, count: int, every: int = 1) -> None:
