@@ -63,7 +63,11 @@ WRONG = [
     ("unknown table", "[model.x]", ["model: no such key", "models, roles"]),
     ("unknown back end", '[models.m]\nbackend = "magic"', ["models.m", "embedded, scripted, oracle, chat"]),
     ("no back end", '[models.m]\nmodel = "x"', ["models.m", "backend must be one of"]),
-    ("unknown budget", f'[keys.k]\nsha256 = "{"0" * 64}"\nspeed = 3', ["keys.k.speed", "no such key", "tokens_per_day"]),
+    (
+        "unknown budget",
+        f'[keys.k]\nsha256 = "{"0" * 64}"\nspeed = 3',
+        ["keys.k.speed", "no such key", "tokens_per_day"],
+    ),
     ("unknown key", CHAT + "concurency = 3", ["models.m.concurency", "no such key", "concurrency"]),
     ("wrong type", CHAT + 'timeout_s = "long"', ["models.m.timeout_s", "number"]),
     ("out of bounds", CHAT + "concurrency = 0", ["models.m.concurrency", "greater than or equal to 1"]),
