@@ -57,8 +57,6 @@ def run(app: ASGIApp, settings: Settings, default_port: int) -> None:
     gc.set_threshold(20_000, 20, 20)
     with contextlib.suppress(KeyboardInterrupt):
         server.run()
-    if not server.started:
-        sys.exit("the service did not start")
 
 
 def server_config(app: ASGIApp, host: str, port: int, timeout_graceful_shutdown: int) -> uvicorn.Config:
