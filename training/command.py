@@ -14,6 +14,8 @@ from training.progress import progress
 DEFAULT_HOME = Path("runs/training")
 CONTEXT, LEAST_PX = 1.6, 24.0
 VERSION = "2"
+LEAST_CLAIM = 0.5
+"""Whatever is less sure is more likely wrong than right."""
 INTERRUPTED = 130
 
 
@@ -148,7 +150,7 @@ def export(home: Path, out: Path | None, version: str) -> dict[str, float]:
     calibration = calibrate.calibrated(found)
     score = calibrate.claim_score(found)
     model = model.model_copy(update={"calibration": calibration})
-    claim = round(min(0.99, model.confidence_of(score)), 4)
+    claim = round(min(0.99, max(LEAST_CLAIM, model.confidence_of(score))), 4)
     candidate = round(min(claim, max(0.1, 0.35 * claim)), 4)
     first = calibrate.outcome(found, score)
     figures |= {"claims wrong at first sight": first.wrong, "missions with a right claim": first.found}
