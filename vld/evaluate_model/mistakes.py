@@ -86,7 +86,8 @@ def _claimed(j: Judged) -> str:
     if not there:
         return "no thing at all"
     best = max(there, key=lambda t: t.pixels)
-    return f"a {best.colour} {best.kind.replace('_', ' ')}"
+    article = "an" if best.colour[0] in "aeiou" else "a"
+    return f"{article} {best.colour} {best.kind.replace('_', ' ')}"
 
 
 def _asked(j: Judged) -> tuple[str | None, str | None]:
