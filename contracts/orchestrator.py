@@ -52,7 +52,7 @@ class MissionSettings(Wire):
     floors: Literal["stepwise", "direct-count"] = "stepwise"
     band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
     choice: Literal["model", "centre"] = "model"
-    viewpoint: ViewpointSettings = ViewpointSettings()
+    viewpoint: ViewpointSettings = ViewpointSettings(policy="contour")
     safe_distances: SafeDistanceSettings = SafeDistanceSettings()
     explore: ExploreSettings = ExploreSettings()
     approach: ApproachSettings = ApproachSettings(stop_distance_m=1.5)

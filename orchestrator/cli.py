@@ -55,8 +55,8 @@ def deliver(
     scene: Annotated[Path | None, typer.Option(help="A scene document (JSON).")] = None,
     sample: Annotated[str | None, typer.Option(help="A shipped delivery; `logisticsvln samples` lists them.")] = None,
     backend: mission_options.Backend = "embedded",
-    viewpoint: mission_options.Viewpoint = "paper",
-    choice: mission_options.Choice = "model",
+    viewpoint: mission_options.Viewpoint = None,
+    choice: mission_options.Choice = None,
     floors: mission_options.Floors = "stepwise",
     sightings: mission_options.Sightings = "look-again",
     drift: mission_options.Drift = 0.0,
@@ -71,18 +71,18 @@ def deliver(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly one delivery and show it live. Ends with code 0 only when it was delivered."""
-    settings = mission_settings(
-        viewpoint=viewpoint,
-        choice=choice,
-        floors=floors,
-        sightings=sightings,
-        drift=drift,
-        parser=parser,
-        max_steps=max_steps,
-        image_size=image_size,
-        seed=seed,
-    )
     try:
+        settings = mission_settings(
+            viewpoint=viewpoint,
+            choice=choice,
+            floors=floors,
+            sightings=sightings,
+            drift=drift,
+            parser=parser,
+            max_steps=max_steps,
+            image_size=image_size,
+            seed=seed,
+        )
         question = DeliveryQuestion(
             request=request,
             scene=read_scene(scene) if scene else None,

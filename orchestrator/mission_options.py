@@ -17,10 +17,16 @@ SightingPolicy = Literal["look-again", "claim-at-first-sight"]
 
 Backend = Annotated[str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")]
 Viewpoint = Annotated[
-    ViewpointPolicy,
-    typer.Option(help="How to search: the paper's rule, the contour explorer, or an ablation."),
+    ViewpointPolicy | None,
+    typer.Option(
+        help="How to search: the contour explorer, the paper's rule, or an ablation of that rule.",
+        show_default="contour; with --choice paper",
+    ),
 ]
-Choice = Annotated[ChoicePolicy, typer.Option(help="Ablation.")]
+Choice = Annotated[
+    ChoicePolicy | None,
+    typer.Option(help="Ablation of the paper's rule: who picks one of its points.", show_default="model"),
+]
 Floors = Annotated[FloorMethod, typer.Option(help="Ablation.")]
 Sightings = Annotated[
     SightingPolicy,
@@ -36,8 +42,8 @@ ImageSize = Annotated[int, typer.Option(min=64, max=1600, help="Pictures are squ
 
 def mission_settings(
     *,
-    viewpoint: ViewpointPolicy,
-    choice: ChoicePolicy,
+    viewpoint: ViewpointPolicy | None,
+    choice: ChoicePolicy | None,
     floors: FloorMethod,
     sightings: SightingPolicy,
     drift: float,
@@ -46,11 +52,15 @@ def mission_settings(
     image_size: int,
     seed: int,
 ) -> MissionSettings:
-    """Raises pydantic.ValidationError where the options do not fit together."""
+    """Without a `viewpoint` the contour explorer, or where a `choice` is asked for the paper's rule, which alone has
+    points to choose from. Raises ValueError for a choice together with the explorer."""
+    if viewpoint == "contour" and choice is not None:
+        raise ValueError("--choice belongs to the paper's rule: add --viewpoint paper, or leave --choice out")
+    policy = viewpoint or ("contour" if choice is None else "paper")
     return MissionSettings(
         floors=floors,
-        choice=choice,
-        viewpoint=ViewpointSettings(policy=viewpoint),
+        choice=choice or "model",
+        viewpoint=ViewpointSettings(policy=policy),
         sightings=SightingSettings(policy=sightings),
         flight=Flight(drift=drift),
         parser_model=parser,

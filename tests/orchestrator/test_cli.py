@@ -28,6 +28,10 @@ RUNNER = CliRunner()
         (["deliver", "--sample", "green-flower-pot", "--backend", "so so"], "backend"),
         (["deliver", "x" * 5000, "--sample", "green-flower-pot"], "request"),
         (["deliver", "--sample", "green-flower-pot", "--viewpoint", "sideways"], "viewpoint"),
+        (
+            ["deliver", "--sample", "green-flower-pot", "--viewpoint", "contour", "--choice", "centre"],
+            "belongs to the paper",
+        ),
         (["deliver", "--sample", "green-flower-pot", "--max-steps", "0"], "max-steps"),
         (["serve", "kitchen"], "there is no service 'kitchen'"),
     ],

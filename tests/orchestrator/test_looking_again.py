@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from contracts.depth_assist import ViewpointSettings
 from contracts.geometry import Heading, Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings, SightingSettings
 from contracts.sim import EpisodeQuestion
@@ -15,6 +16,7 @@ from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
 
 CLAIM = 0.8
 IMPOSTOR = (-3.0, -6.2, 10.5)
+PAPER = ViewpointSettings(policy="paper")
 """On the facade that the drone faces at first; the thing itself hangs on the far side."""
 
 
@@ -52,7 +54,7 @@ async def fly(
 ) -> tuple[DeliveryResult, Events, DoubtfulVision]:
     world = BlockWorld(BEHIND)
     vision = DoubtfulVision(world, thing=thing, impostor=impostor or {})
-    settings = MissionSettings(sightings=SightingSettings.model_validate(sightings))
+    settings = MissionSettings(viewpoint=PAPER, sightings=SightingSettings.model_validate(sightings))
     log = Events()
     mission = Mission(block_ports(world, vision), settings, log)
     return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block))), log, vision

@@ -26,6 +26,7 @@ from tests.orchestrator.box_world import (
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
+PAPER = ViewpointSettings(policy="paper")
 
 
 class Events(list[Event]):
@@ -57,7 +58,8 @@ async def fly(
     scene: Scene | None = None,
     **settings: object,
 ) -> DeliveryResult:
-    mission = Mission(block_ports(world, vision), MissionSettings(**settings), log if log is not None else Events())
+    chosen = MissionSettings.model_validate({"viewpoint": PAPER} | settings)
+    mission = Mission(block_ports(world, vision), chosen, log if log is not None else Events())
     return await mission.fly(request, EpisodeQuestion(scene=scene or block_scene(world.block)))
 
 
@@ -309,7 +311,7 @@ async def test_a_sighting_whose_way_is_not_free_is_tried_again_from_elsewhere(ti
     usual = block_ports(world)
     log = Events()
     ports = Ports(usual.parser, usual.vision, BlockedAtFirst(times), world)
-    settings = MissionSettings(max_exploration_steps=12)
+    settings = MissionSettings(viewpoint=PAPER, max_exploration_steps=12)
     result = await Mission(ports, settings, log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
     assert result.outcome == outcome
     tried = [e.data["pose"] for e in log.of("look") if any(s["accepted"] for s in e.data["sightings"])]
@@ -339,7 +341,9 @@ async def test_what_no_way_leads_to_is_looked_at_from_another_side_before_the_se
     usual = block_ports(world)
     log = Events()
     ports = Ports(usual.parser, usual.vision, OnlyAsideAtFirst(times), world)
-    result = await Mission(ports, MissionSettings(), log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    result = await Mission(ports, MissionSettings(viewpoint=PAPER), log).fly(
+        REQUEST, EpisodeQuestion(scene=block_scene(world.block))
+    )
     assert result.outcome == "delivered"
     assert sum("another side" in e.message for e in log.of("move")) == min(times, 2)
     assert [e.data["blocked"] for e in log.of("lost")][:1] == [True] * lost
@@ -358,7 +362,9 @@ async def test_a_collision_ends_the_mission_at_once() -> None:
     usual = block_ports(world)
     log = Events()
     ports = Ports(usual.parser, usual.vision, ThroughTheWall(), world)
-    result = await Mission(ports, MissionSettings(), log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    result = await Mission(ports, MissionSettings(viewpoint=PAPER), log).fly(
+        REQUEST, EpisodeQuestion(scene=block_scene(world.block))
+    )
     assert result.outcome == "collision"
     assert "house" in result.message
     assert log[-1].data["hit"] == "house"

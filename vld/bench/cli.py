@@ -45,8 +45,8 @@ def bench(
         bool, typer.Option("--absent", help="Take the objects away: the search should find none.")
     ] = False,
     backend: mission_options.Backend = "embedded",
-    viewpoint: mission_options.Viewpoint = "paper",
-    choice: mission_options.Choice = "model",
+    viewpoint: mission_options.Viewpoint = None,
+    choice: mission_options.Choice = None,
     floors: mission_options.Floors = "stepwise",
     sightings: mission_options.Sightings = "look-again",
     drift: mission_options.Drift = 0.0,

@@ -12,6 +12,13 @@ from vld.records import EpisodeRecord, RunSettings, Task
 from vld.subtasks.figures import Subtask, SubtaskScores
 from vld.summary import Summary, summarize
 
+SEARCHES = {
+    "contour": "contour explorer",
+    "paper": "paper's rule",
+    "random": "random view",
+    "default": "right-hand view",
+}
+
 
 class Run(NamedTuple):
     """One run. `label` says in a few words how its arm differs; `tasks` are those it flew or was to fly;
@@ -65,12 +72,10 @@ def answering(settings: RunSettings) -> str:
 
 
 def label_of(settings: RunSettings) -> str:
-    """The back end, and whatever differs from the paper's method."""
+    """The back end, the way it searches, and whatever else is not as usual."""
     mission = settings.mission
     usual = MissionSettings()
-    words = [answering(settings)]
-    if mission.viewpoint.policy != usual.viewpoint.policy:
-        words.append(f"{mission.viewpoint.policy} viewpoint")
+    words = [answering(settings), SEARCHES[mission.viewpoint.policy]]
     if mission.choice != usual.choice:
         words.append("centre, no choice")
     if mission.floors != usual.floors:

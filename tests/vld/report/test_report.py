@@ -237,19 +237,19 @@ def test_the_figures_of_single_roles_are_shown_where_a_run_has_them(two_runs: li
 
 def test_runs_with_equal_arms_are_told_apart_by_their_folders(tmp_path: Path) -> None:
     runs = load_runs([a_run(tmp_path / "a", TASKS, []), a_run(tmp_path / "b", TASKS, [])])
-    assert [run.label for run in runs] == ["embedded (a)", "embedded (b)"]
+    assert [run.label for run in runs] == ["embedded, paper's rule (a)", "embedded, paper's rule (b)"]
 
 
 def test_a_label_says_what_differs_from_the_papers_method() -> None:
-    assert label_of(run_settings(TASKS)) == "embedded"
+    assert label_of(run_settings(TASKS)) == "embedded, paper's rule"
     assert (
         label_of(run_settings(TASKS, choice="centre", floors="direct-count"))
-        == "embedded, centre, no choice, direct count"
+        == "embedded, paper's rule, centre, no choice, direct count"
     )
     noisy = run_settings(TASKS).model_copy(
         update={"backend": "oracle", "oracle": {"miss_rate": 0.2, "noise_seed": 4.0}}
     )
-    assert label_of(noisy) == "oracle, miss rate 0.2"
+    assert label_of(noisy) == "oracle, miss rate 0.2, paper's rule"
 
 
 def test_the_command_writes_the_page_and_says_where(two_runs: list[Path], tmp_path: Path) -> None:
