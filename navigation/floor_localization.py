@@ -15,6 +15,9 @@ _COUNT_TOLERANCE = 1e-6
 _SAME_ROW_FLOORS = 0.3
 """Two window rows nearer than this share of a floor are one; real ones lie a whole floor apart."""
 
+_HIDDEN_FLOORS = 1.25
+"""A row of windows is about half a floor above its own floor; a tall ground floor's is not this far up."""
+
 Reading = Literal["upper_edge", "camera_height"]
 
 
@@ -163,6 +166,21 @@ def across_edge(here: WindowRows, below: WindowRows, edge_m: float) -> tuple[flo
     if abs(gap_floors - 2.0) <= _SAME_ROW_FLOORS:
         return (*here.rows, 1.0)
     return here.rows
+
+
+def down_to_ground(lowest: WindowRows) -> tuple[float, ...]:
+    """The window rows of the lowest band, topmost first, with those that something hides put in at the picture's lower
+    edge: an eave, a canopy or a hedge hides the ground floor from a camera that looks down on it.
+
+    Floors are equally high and the lowest one stands on the ground: where the lowest row seen is more than
+    `_HIDDEN_FLOORS` floors up, the rows' own spacing tells how many lie beneath. Unchanged where the rows are too few.
+    """
+    spacing_m = lowest.spacing_m
+    if spacing_m is None or spacing_m <= 0.0:
+        return lowest.rows
+    up_floors = lowest.height_m(-1) / spacing_m
+    hidden = round(up_floors - 0.5) if up_floors > _HIDDEN_FLOORS else 0
+    return (*lowest.rows, *(1.0,) * hidden)
 
 
 def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings: Settings) -> FinalHeight:

@@ -26,6 +26,7 @@ from navigation.floor_localization import (
     corrected,
     decide,
     direct_count,
+    down_to_ground,
 )
 from orchestrator.asking import Answered
 from orchestrator.marks import mark_box
@@ -116,11 +117,12 @@ def _held_against_rows(sortie: Sortie, final: FinalHeight, sight: Sight, count: 
 
 
 def _across_edge(count: Count, sight: Sight, here: Band, below: WindowRows | None, stand_off: float) -> Count:
-    """The count without a floor that the band below had counted, or with one that neither saw."""
+    """The count without a floor that the band below had counted, with one that neither saw, or down to the ground with
+    those that something hides."""
     seen = _window_rows(sight, count, -1, stand_off)
-    if seen is None or below is None:
+    if seen is None or (below is None and here.number > 1):
         return count
-    rows = across_edge(seen, below, here.lower_m)
+    rows = down_to_ground(seen) if below is None else across_edge(seen, below, here.lower_m)
     return count._replace(floors=len(rows), rows=rows)
 
 
@@ -256,7 +258,7 @@ def _report(
     said = counted(count.floors, "floor") if count.floors is not None else f"the answer was {count.answer.outcome}"
     if count.floors is not None and count.answer.floors is not None and count.floors != count.answer.floors:
         once_more = count.floors < count.answer.floors
-        said += " (without one counted below)" if once_more else " (with one on the edge that neither picture shows)"
+        said += " (without one counted below)" if once_more else " (with what the picture does not show)"
     what = {"Climb": "climb on", "FinalHeight": "height found", "FloorNotFound": "no such floor"}
     decided = type(decision).__name__
     sortie.write(

@@ -20,6 +20,7 @@ from navigation.floor_localization import (
     corrected,
     decide,
     direct_count,
+    down_to_ground,
     row_height_m,
 )
 
@@ -227,6 +228,23 @@ def test_a_window_row_on_the_edge_between_two_bands_is_one_floor(slack: float, n
     assert len(first.rows) + len(told_apart) == 11
     heights = [second._replace(rows=told_apart).height_m(at) for at in range(len(told_apart))]
     assert heights == pytest.approx(WINDOWS_OF_3_M[10 : 10 - len(told_apart) : -1], abs=0.01)
+
+
+@given(stand_off_m=st.floats(6.0, 12.0), floor_m=st.floats(2.6, 4.5), hidden=st.integers(0, 2))
+def test_floors_that_an_eave_hides_are_counted_down_to_the_ground(
+    stand_off_m: float, floor_m: float, hidden: int
+) -> None:
+    middles = [0.5 * floor_m + floor_m * k for k in range(30)]
+    whole = rows_seen(stand_off_m, 1, middles, 0.0)
+    left = whole.rows[: len(whole.rows) - hidden]
+    counted = down_to_ground(whole._replace(rows=left))
+    assert counted[: len(left)] == left
+    assert len(counted) == (len(whole.rows) if len(left) >= 2 else len(left))
+
+
+def test_a_tall_ground_floor_hides_none_beneath() -> None:
+    shop = rows_seen(9.0, 1, [2.6, 6.4, 9.4, 12.4, 15.4], 0.0)
+    assert down_to_ground(shop) == shop.rows
 
 
 @given(stand_off_m=st.floats(5.0, 12.0), floor_m=st.floats(2.6, 4.5))
