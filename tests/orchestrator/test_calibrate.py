@@ -99,6 +99,7 @@ def test_a_model_s_convention_is_found_whatever_it_is(
 ) -> None:
     mock.will(model(writes))
     result = doctor(serve, mock, "--json", preset="generic-vision")
+    assert result.stdout, result.stderr
     told = json.loads(result.stdout)
     assert (told["boxes"], told["box_order"], told["image_factor"]) == (boxes, order, factor)
     assert (told["certainty"], told["ok"], result.exit_code) == ("sure", True, 0)

@@ -57,13 +57,15 @@ def direction_body(labels: str = "abcde", **more: Any) -> dict[str, Any]:
 
 def chat_settings(mock: OpenAiMock | None, **changes: Any) -> ChatModel:
     """A chat model at the mock, called `m` and of the preset `gpt-4o` unless changed;
-    without a mock, at a port nobody listens on."""
+    without a mock, at a port nobody listens on. Its limits are so wide that a machine which stands still for some
+    seconds meets none of them: a test that wants to see one sets it."""
     values: dict[str, Any] = {
         "backend": "chat",
         "base_url": mock.url if mock else f"http://127.0.0.1:{closed_port()}/v1",
         "model": "maker/model-1",
         "preset": "gpt-4o",
-        "timeout_s": 5.0,
+        "timeout_s": 60.0,
+        "connect_timeout_s": 30.0,
     }
     alias = str(changes.pop("alias", "m"))
     return chat_model(alias, ChatModelConfig.model_validate(values | changes), "test.toml")
@@ -108,7 +110,7 @@ def closed_port() -> int:
 
 
 def post(url: str, path: str, body: Any, **more: Any) -> httpx.Response:
-    return httpx.post(url + path, json=body, timeout=20, **more)
+    return httpx.post(url + path, json=body, timeout=60, **more)
 
 
 def wait_until(true: Callable[[], bool], within_s: float = 10.0) -> None:

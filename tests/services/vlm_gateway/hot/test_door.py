@@ -30,7 +30,7 @@ def key(secret: str, **limits: Any) -> KeyConfig:
 
 def ask(url: str, secret: str | None = None, **changes: Any) -> httpx.Response:
     headers = {"Authorization": f"Bearer {secret}"} if secret else {}
-    return httpx.post(url + PATH, json=chat(**changes), headers=headers, timeout=20)
+    return httpx.post(url + PATH, json=chat(**changes), headers=headers, timeout=60)
 
 
 def test_only_known_keys_are_served_and_none_is_ever_shown(serve: Serve, mock: OpenAiMock) -> None:
@@ -76,7 +76,7 @@ def test_a_key_s_budgets_are_kept_and_the_refusal_says_how_long(serve: Serve, mo
 async def test_a_key_has_no_more_under_way_than_it_may(serve: Serve, mock: OpenAiMock) -> None:
     mock.will(says("hello", after_s=0.5))
     url = serve(build({"m": chat_backend(mock)}, keys=Keys({"k": key("k", concurrency=2)})).app)
-    async with httpx.AsyncClient(headers={"Authorization": "Bearer k"}, timeout=20) as client:
+    async with httpx.AsyncClient(headers={"Authorization": "Bearer k"}, timeout=60) as client:
         answers = await asyncio.gather(*(client.post(url + PATH, json=chat(seed=n)) for n in range(6)))
     assert Counter(answer.status_code for answer in answers) == {200: 2, 429: 4}
     assert ask(url, "k").status_code == 200  # and the places were given back
@@ -113,7 +113,7 @@ async def test_the_first_of_many_may_leave_and_the_others_are_answered(
 ) -> None:
     mock.will(says("hello", after_s=1.5))
     url = serve(build({"m": chat_backend(mock)}, cache=sqlite_cache(tmp_path)).app)
-    async with httpx.AsyncClient(timeout=20) as client:
+    async with httpx.AsyncClient(timeout=60) as client:
         first = asyncio.create_task(client.post(url + PATH, json=chat(temperature=0)))
         await asyncio.sleep(0.5)
         others = [asyncio.create_task(client.post(url + PATH, json=chat(temperature=0))) for _ in range(3)]
@@ -153,7 +153,7 @@ async def test_at_three_times_what_a_model_can_do_most_is_still_done_and_the_res
     url = serve(build({"m": chat_backend(mock, concurrency=4, queue=8)}).app)
     refused_after: list[float] = []
     done = 0
-    async with httpx.AsyncClient(timeout=30, limits=httpx.Limits(max_connections=100)) as client:
+    async with httpx.AsyncClient(timeout=60, limits=httpx.Limits(max_connections=100)) as client:
 
         async def caller(number: int) -> None:
             nonlocal done
@@ -176,8 +176,8 @@ async def test_at_three_times_what_a_model_can_do_most_is_still_done_and_the_res
 
 def test_the_caller_s_deadline_ends_the_call(serve: Serve, mock: OpenAiMock) -> None:
     mock.will(hangs())
-    url = serve(build({"m": chat_backend(mock, timeout_s=30.0)}).app)
-    answer = httpx.post(url + PATH, json=chat(), headers={"x-timeout-s": "0.5"}, timeout=20)
+    url = serve(build({"m": chat_backend(mock, timeout_s=60.0)}).app)
+    answer = httpx.post(url + PATH, json=chat(), headers={"x-timeout-s": "0.5"}, timeout=60)
     assert (answer.status_code, answer.json()["error"]["code"]) == (504, "model_timeout")
     assert httpx.post(url + PATH, json=chat(), headers={"x-timeout-s": "soon"}).status_code == 422
 
@@ -186,7 +186,7 @@ def test_a_trace_goes_on_and_what_was_spent_is_counted(serve: Serve, mock: OpenA
     url = serve(build({"m": chat_backend(mock, server="vllm")}).app)
     trace = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
     for given in (trace, "00-nonsense"):
-        httpx.post(url + PATH, json=chat(), headers={"traceparent": given}, timeout=20)
+        httpx.post(url + PATH, json=chat(), headers={"traceparent": given}, timeout=60)
     assert [asked.headers.get("traceparent") for asked in mock.asked] == [trace, None]
     labels = {"gen_ai_provider_name": "vllm", "gen_ai_request_model": "m"}
     assert metric(url, "gen_ai_client_operation_duration_seconds_count", **labels) == 2
@@ -196,7 +196,7 @@ def test_a_trace_goes_on_and_what_was_spent_is_counted(serve: Serve, mock: OpenA
 
 def test_bodies_are_bounded_while_they_come_in(serve: Serve, mock: OpenAiMock) -> None:
     url = serve(build({"m": chat_backend(mock)}, max_body_bytes=10_000).app)
-    stated = httpx.post(url + PATH, content=b"x" * 20_000, timeout=20)
+    stated = httpx.post(url + PATH, content=b"x" * 20_000, timeout=60)
 
     def endless() -> Any:
         while True:
@@ -204,7 +204,7 @@ def test_bodies_are_bounded_while_they_come_in(serve: Serve, mock: OpenAiMock) -
 
     assert (stated.status_code, stated.json()["error"]["code"]) == (413, "body_too_large")
     try:
-        streamed = httpx.post(url + PATH, content=endless(), timeout=20)
+        streamed = httpx.post(url + PATH, content=endless(), timeout=60)
     except httpx.TransportError:
         return  # the connection was closed while more was on its way
     assert streamed.status_code == 413
