@@ -11,6 +11,8 @@ from orchestrator.wording import with_article
 
 Plan = ExploreAnswer | ServiceRefused
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
+ON_FACADE_M = 2.5
+"""What stands in a window or hangs from its sill lies this near to a wall the map knows, drift and all."""
 
 
 @dataclass
@@ -62,6 +64,15 @@ class ContourSearch:
             return
         goal = Point3(x=answer.stop.x, y=answer.stop.y, z=look.pose.z)
         await sortie.fly((goal,), answer.yaw, f"{answer.distance_m:.1f} m round the building; {said}")
+
+    @staticmethod
+    def on_target(plan: Plan, place: Point3) -> bool:
+        """Is that on the building searched, as far as the map goes with this look in it? What is seen on a neighbour,
+        or on a wing no look has linked to the target yet, is not; without a map everything is."""
+        if isinstance(plan, ServiceRefused):
+            return True
+        known = plan.drawing.inspected + plan.drawing.uninspected
+        return any(math.dist(cell, (place.x, place.y)) <= ON_FACADE_M for cell in known)
 
     async def _ask(self, look: Look) -> ExploreAnswer:
         sortie = self.sortie

@@ -45,6 +45,14 @@ class Found(NamedTuple):
 
 
 class Onward(NamedTuple):
+    """The way on from a look: `fly` takes it; `on_target` says whether a place is on the building searched, as far as
+    is known (the paper's rule keeps no map: anything may be)."""
+
+    fly: Callable[[], Awaitable[None]]
+    on_target: Callable[[Point3], bool]
+
+
+class Ways(NamedTuple):
     """Where to look for the way on, and how far one may fly there; `marked` is what the choice model is shown."""
 
     view: ViewpointAnswer
@@ -79,18 +87,18 @@ class Exploration:
         PortError."""
         sortie, settings = self.sortie, self.sortie.settings
         if leaving is not None and sortie.exploration_steps < settings.max_exploration_steps:
-            await (await self._onward(leaving))()
+            await (await self._onward(leaving)).fly()
         while sortie.exploration_steps < settings.max_exploration_steps:
             sortie.exploration_steps += 1
             look = await sortie.look()
             # the way on is worked out while the model looks; mostly it is needed
             onward = asyncio.create_task(self._onward(look))
             try:
-                found = await self.search(look, f"step {sortie.exploration_steps}")
+                found = await self.search(look, f"step {sortie.exploration_steps}", onward=onward)
                 if found is not None:
                     return found
                 if sortie.exploration_steps < settings.max_exploration_steps:
-                    await (await onward)()
+                    await (await onward).fly()
             finally:
                 onward.cancel()
                 await asyncio.gather(onward, return_exceptions=True)
@@ -103,9 +111,11 @@ class Exploration:
             "object_not_found", f"no window with {with_article(sortie.object or 'object')} was found {looked}"
         )
 
-    async def search(self, look: Look, what: str, near: Point3 | None = None) -> Found | None:
-        """Asks for the object in all views at once; `near` prefers the sighting closest to a place. Raises MissionEnd
-        (answer_unreadable), PortError."""
+    async def search(
+        self, look: Look, what: str, near: Point3 | None = None, onward: Awaitable[Onward] | None = None
+    ) -> Found | None:
+        """Asks for the object in all views at once; `near` prefers the sighting closest to a place, `onward` knows
+        what is on the target building. Raises MissionEnd (answer_unreadable), PortError."""
         sortie = self.sortie
         sortie.count_stop()
         question = FindObjectQuestion(
@@ -122,6 +132,8 @@ class Exploration:
             worth = min(claim, sortie.settings.sightings.candidate_confidence) if self.looks_again else claim
             matches = [m for m in reply.answer.matches if m.heading_deg in look.sights and m.confidence >= worth]
             sightings = [self._judge(m, look, claimable=m.confidence >= claim) for m in matches]
+            if onward is not None and any(s.rejected is None for s in sightings):
+                sightings = _of_target(sightings, (await onward).on_target)
         else:
             self._silent += 1
         best = _best(sightings, near)
@@ -181,12 +193,13 @@ class Exploration:
             d.holds(place, pose, match.confidence, claimable=claimable) for d in self.dismissed
         )
 
-    async def _onward(self, look: Look) -> Callable[[], Awaitable[None]]:
-        """Works the way on out and changes nothing; what comes back flies it: the explorer's stop, or the paper's
-        viewpoint (eq. 4-6), safe distances (eq. 7) and the point chosen among them."""
+    async def _onward(self, look: Look) -> Onward:
+        """Works the way on out and changes nothing: the explorer's stop, or the paper's viewpoint (eq. 4-6), safe
+        distances (eq. 7) and the point chosen among them."""
         sortie = self.sortie
         if self.contour is not None:
-            return partial(self.contour.go_on, look, await self.contour.plan(look))
+            plan = await self.contour.plan(look)
+            return Onward(partial(self.contour.go_on, look, plan), partial(self.contour.on_target, plan))
         view = await self._viewpoint(look)
         sight = look.sights[view.heading_deg]
         asked = SafeDistancesQuestion(
@@ -196,16 +209,16 @@ class Exploration:
         )
         safe = await sortie.timed("safe_distances", sortie.ports.depth.safe_distances(asked))
         marked = encode_jpeg(mark_points(sight.rgb, marks_of(self._offered(safe))))
-        return partial(self._go_on, look, Onward(view, safe, marked))
+        return Onward(partial(self._go_on, look, Ways(view, safe, marked)), lambda _: True)
 
     def _offered(self, safe: SafeDistancesAnswer) -> list[DirectionPoint]:
         return [p for p in safe.points if p.distance_m >= self.sortie.settings.min_move_m]
 
-    async def _go_on(self, look: Look, onward: Onward) -> None:
+    async def _go_on(self, look: Look, ways: Ways) -> None:
         """The chosen point, and the flight."""
         sortie = self.sortie
-        self._d_max_m = onward.view.d_max_next_m
-        chosen = await self._choose(onward)
+        self._d_max_m = ways.view.d_max_next_m
+        chosen = await self._choose(ways)
         if chosen.point is None:
             turn = sortie.settings.fallback_turn_deg
             await sortie.fly((), look.pose.yaw + math.radians(turn), f"turn {turn:g}° left: {chosen.by}")
@@ -225,9 +238,9 @@ class Exploration:
         )
         return await sortie.timed("viewpoint", sortie.ports.depth.viewpoint(question))
 
-    async def _choose(self, onward: Onward) -> Chosen:
+    async def _choose(self, ways: Ways) -> Chosen:
         sortie, settings = self.sortie, self.sortie.settings
-        view, safe, marked = onward
+        view, safe, marked = ways
         offered = self._offered(safe)
         answer: dict[str, Any] | None = None
         if not offered:
@@ -297,6 +310,16 @@ def search_task(thing: str, floor: int, direction: str) -> str:
         f"Find the window with {with_article(thing)} on floor {floor}. The drone flies {direction} round the building, "
         f"which is on its {side}."
     )
+
+
+def _of_target(sightings: list[Sighting], on_target: Callable[[Point3], bool]) -> list[Sighting]:
+    """The same, with those rejected that are on another building."""
+    return [
+        s._replace(rejected="not on the building searched")
+        if s.rejected is None and s.place is not None and not on_target(s.place)
+        else s
+        for s in sightings
+    ]
 
 
 def _best(sightings: list[Sighting], near: Point3 | None) -> Sighting | None:

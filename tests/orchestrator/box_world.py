@@ -60,7 +60,8 @@ START = Pose(x=0.0, y=-15.0, z=1.5, yaw=math.pi / 2)
 
 @dataclass(frozen=True)
 class Block:
-    """An upright box [x0, x1] x [y0, y1] x [0, floors * floor_height_m], and a thing in front of one of its walls."""
+    """An upright box [x0, x1] x [y0, y1] x [0, floors * floor_height_m], and a thing in front of one of its walls;
+    another may stand beside it."""
 
     x0: float = -8.0
     x1: float = 8.0
@@ -71,27 +72,30 @@ class Block:
     thing: tuple[float, float, float] = (3.0, -6.2, 10.5)
     thing_normal: tuple[float, float] = (0.0, -1.0)
     start: Pose = START
+    neighbour: "Block | None" = None
 
     @property
     def top(self) -> float:
         return self.floors * self.floor_height_m
 
     def distance(self, x: float, y: float, z: float) -> float:
-        """From a point to the block or the ground, metres."""
+        """From a point to a block or the ground, metres."""
         dx = max(self.x0 - x, 0.0, x - self.x1)
         dy = max(self.y0 - y, 0.0, y - self.y1)
         dz = max(0.0, z - self.top)
-        return min(z, math.sqrt(dx * dx + dy * dy + dz * dz))
+        beside = self.neighbour.distance(x, y, z) if self.neighbour else math.inf
+        return min(z, math.sqrt(dx * dx + dy * dy + dz * dz), beside)
 
     def cast(self, eye: tuple[float, float, float], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-        """rays: (..., 3). How many ray lengths until the block or the ground is hit; inf for none."""
+        """rays: (..., 3). How many ray lengths until a block or the ground is hit; inf for none."""
         low, high = np.array([self.x0, self.y0, 0.0]), np.array([self.x1, self.y1, self.top])
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = (low - eye) / rays, (high - eye) / rays
             near, far = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
             block = np.where((near <= far) & (near > 0), near, np.inf)
             ground = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
-        return np.minimum(block, ground)
+        hit = np.minimum(block, ground)
+        return np.minimum(hit, self.neighbour.cast(eye, rays)) if self.neighbour else hit
 
 
 def block_scene(block: Block) -> Scene:
@@ -223,10 +227,11 @@ class BlockWorld:
     def pose(self, episode: str) -> Pose:
         return self._episode(episode).pose
 
-    def sees(self, pose: Pose, heading: Heading) -> Box | None:
-        """The thing's box (0.8 m each way) in one view; null where it is out of the picture or behind the block."""
+    def sees(self, pose: Pose, heading: Heading, thing: tuple[float, float, float] | None = None) -> Box | None:
+        """The box (0.8 m each way) of a thing, the block's unless told, in one view; null where it is out of the
+        picture or behind a block."""
         forward, right = axes(pose, heading)
-        gap = np.subtract(self.block.thing, (pose.x, pose.y, pose.z))
+        gap = np.subtract(thing or self.block.thing, (pose.x, pose.y, pose.z))
         ahead, aside = float(gap @ forward), float(gap @ right)
         if ahead < 0.3 or math.hypot(*gap) > 16.0:
             return None

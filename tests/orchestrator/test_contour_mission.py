@@ -1,5 +1,6 @@
 """Missions that search by the contour explorer, in the block world."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 from contracts.depth_assist import ViewpointSettings
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
-from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion
+from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from orchestrator.delivery import Order, Run
 from orchestrator.mission import Mission
 from orchestrator.summary import GOOD
@@ -74,6 +75,29 @@ async def test_what_did_not_stand_up_seen_slantwise_is_tried_again_from_another_
     result = await fly(world, log, vision)
     assert log.of("lost")
     assert result.outcome == "delivered"
+
+
+async def test_the_same_thing_on_a_neighbour_s_wall_is_passed_by() -> None:
+    log = Events()
+    twin = Block(x0=21.0, x1=29.0, y0=-10.0, y1=10.0, thing=(20.8, -4.0, 10.5))
+    world = BlockWorld(replace(BEHIND, neighbour=twin))
+    result = await fly(world, log, TwinVision(world))
+    told = [s for e in log.of("look") for s in e.data["sightings"]]
+    assert "not on the building searched" in {s["rejected"] for s in told}
+    assert all(s["place"]["x"] < 15.0 for s in told if s["accepted"])
+    assert result.outcome == "delivered"
+
+
+class TwinVision(BlockVision):
+    """Sees what hangs on the neighbour's wall as well, and better."""
+
+    async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
+        answer = await super().find_object(question)
+        pose, block = self.world.pose(question.oracle_episode or ""), self.world.block
+        assert block.neighbour is not None
+        twins = {v.heading_deg: self.world.sees(pose, v.heading_deg, block.neighbour.thing) for v in question.views}
+        matches = tuple(Match(heading_deg=h, box=b, confidence=0.95) for h, b in twins.items() if b) + answer.matches
+        return FindObjectAnswer(role="recognition", found=bool(matches), matches=matches, **WHO)
 
 
 class OnceShy(BlockVision):
