@@ -189,7 +189,10 @@ class Examiner:
             for view in seen.views
             if view.depth is not None
         }
-        asked = ViewpointQuestion(views=tuple(depths.values()), settings=settings.viewpoint)
+        rule = settings.viewpoint
+        if rule.policy == "contour":  # the explorer offers no points; the model chooses among the paper's rule's
+            rule = rule.model_copy(update={"policy": "paper"})
+        asked = ViewpointQuestion(views=tuple(depths.values()), settings=rule)
         heading = (await self._ports.depth.viewpoint(asked)).heading_deg
         beside = tuple(depth for h, depth in depths.items() if 0 < abs(h - heading) <= 45)
         safe = await self._ports.depth.safe_distances(

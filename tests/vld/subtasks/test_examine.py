@@ -83,10 +83,10 @@ async def asked(logs: Path, services: tuple[str, ...], subtasks: dict[Subtask, s
             assert name in told.getvalue()
 
 
-async def test_the_oracle_counts_every_floor_over_real_services(tmp_path: Path) -> None:
-    await asked(tmp_path, ("sim", "vlm_gateway"), {"floors": "exact"})
+async def test_the_oracle_counts_every_floor_and_chooses_rightly_over_real_services(tmp_path: Path) -> None:
+    await asked(tmp_path, FLIGHT_SERVICES, {"floors": "exact", "choice": "agrees"})
 
 
 @pytest.mark.slow
-async def test_the_oracle_finds_and_chooses_rightly_over_real_services(tmp_path: Path) -> None:
-    await asked(tmp_path, FLIGHT_SERVICES, {"recognition": "recall", "choice": "agrees"})
+async def test_the_oracle_finds_everything_over_real_services(tmp_path: Path) -> None:
+    await asked(tmp_path, FLIGHT_SERVICES, {"recognition": "recall"})
