@@ -34,8 +34,11 @@ from tests.navigation.explorer_worlds import (
 )
 from tests.navigation.explorer_worlds import views as look
 from tests.navigation.raycast_world import HEADINGS, units
+from tests.navigation.scene_worlds import from_scene
+from vld.metrics.coverage import in_view
 from vld.metrics.proportion import share
 from vld.metrics.spl import Flown, spl
+from vld.tasks import load
 
 MAX_STEPS = 30
 RADIUS_M = 0.35
@@ -63,6 +66,8 @@ class Flight(NamedTuple):
     over: bool
     planning_s: tuple[float, ...]
     way: tuple[tuple[float, float], ...]
+    in_view: tuple[bool, ...]
+    """For each window of the target: had a stop it in view, by the truth?"""
 
 
 Policy = Callable[[dict[int, DepthView], Pose], Move]
@@ -119,6 +124,7 @@ def fly(
     spent: list[float] = []
     covered, over, found, collided = 0.0, False, False, False
     way = [(pose.x, pose.y)]
+    yaws = [pose.yaw]
     steps = 0
     while steps < MAX_STEPS and not (found or over or collided):
         steps += 1
@@ -140,11 +146,12 @@ def fly(
             flown += length
         pose = Pose(float(goal[0]), float(goal[1]), pose.z, move.yaw)
         way.append((pose.x, pose.y))
+        yaws.append(pose.yaw)
     rest = task.graph.route((pose.x, pose.y), before(task.window, task.normal))
     total = flown + (0.0 if isinstance(rest, NoWay) or not found else rest.length_m)
     return Flight(
         task.name, task.shape, task.around, found, collided, steps, total, task.shortest_m, covered, over, tuple(spent),
-        tuple(way),
+        tuple(way), tuple(in_view(task.windows, np.array(way), np.array(yaws), task.sight)),
     )  # fmt: skip
 
 
@@ -158,6 +165,10 @@ def figures(flights: Sequence[Flight]) -> dict[str, Any]:
         "by_shape": {s: str(share(f.found for f in flights if f.shape == s)) for s in SHAPES},
         "spl": spl([Flown(f.found, f.shortest_m, f.flown_m) for f in flights]),
         "steps": float(np.mean([f.steps for f in found])) if found else None,
+        "way_m": float(np.mean([f.flown_m for f in flights])) if flights else None,
+        "stops": float(np.mean([f.steps for f in flights])) if flights else None,
+        "windows": str(share(seen for f in flights for seen in f.in_view)),
+        "missed": {f.task: sum(not seen for seen in f.in_view) for f in flights if f.over and not all(f.in_view)},
         "collisions": sum(f.collided for f in flights),
         "covered": float(np.mean([f.covered for f in flights])) if flights else None,
         "ended": sum(f.over for f in flights),
@@ -176,14 +187,20 @@ def main() -> None:
     parser.add_argument("--balconies", action="store_true")
     parser.add_argument("--absent", action="store_true", help="the window is never seen")
     parser.add_argument("--policies", default="contour,paper")
+    parser.add_argument("--tasks", help="a task set or file, in place of drawn worlds; every `--every`-th of it")
+    parser.add_argument("--every", type=int, default=10)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    tasks = [
-        make_task(shape, around, options.first_seed + k, options.balconies)
-        for k in range(options.worlds)
-        for shape in SHAPES
-        for around in AROUND
-    ]
+    tasks = (
+        [from_scene(task) for task in load(options.tasks).tasks[:: options.every]]
+        if options.tasks
+        else [
+            make_task(shape, around, options.first_seed + k, options.balconies)
+            for k in range(options.worlds)
+            for shape in SHAPES
+            for around in AROUND
+        ]
+    )
     made: dict[str, Callable[[], Policy]] = {"contour": lambda: contour(Settings()), "paper": paper}
     rows = {}
     for name in options.policies.split(","):

@@ -38,6 +38,10 @@ class Task(NamedTuple):
     shortest_m: float
     lap_m: tuple[float, float]
     graph: VisibilityGraph
+    windows: tuple[tuple[Xy, Xy], ...]
+    """All of the target's, each with the normal of its wall."""
+    sight: VisibilityGraph
+    """Of the buildings' walls alone."""
 
 
 def make_task(shape: Shape, around: Around, seed: int, balconies: bool = False) -> Task:
@@ -103,6 +107,8 @@ def _draw(shape: Shape, around: Around, seed: int, balconies: bool, rng: np.rand
         shortest.length_m,
         (max(sides[0], shortest.length_m), max(sides[1], shortest.length_m)),
         graph,
+        tuple(windows),
+        VisibilityGraph([plan, *blocks], 0.0),
     )
 
 

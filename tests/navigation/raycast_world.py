@@ -42,19 +42,26 @@ class World:
         climbs = ((camera.height / 2 - y) / camera.focal_px)[:, None]
         eye = np.array((pose.x, pose.y))
         nearest = np.full((camera.height, camera.width), np.inf)
+        edge = float(np.abs(column_slopes(camera)).max())
         for prism in self.prisms:
             outline = np.array(prism.outline)
+            ahead, aside = (outline - eye) @ forward, (outline - eye) @ right
+            if (ahead < 0).all() or (aside > edge * ahead).all() or (aside < -edge * ahead).all():
+                continue  # behind the camera, or wholly beside the picture
             for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
                 t = _ray_to_segment(eye, rays, a, b)
-                z = pose.z + np.where(np.isfinite(t), t, 0.0) * climbs
-                hit = np.isfinite(t) & (z >= prism.bottom_m) & (z <= prism.top_m)
-                nearest = np.where(hit, np.minimum(nearest, t), nearest)
+                met = np.flatnonzero(np.isfinite(t))
+                z = pose.z + t[met] * climbs
+                hit = (z >= prism.bottom_m) & (z <= prism.top_m)
+                nearest[:, met] = np.where(hit, np.minimum(nearest[:, met], t[met]), nearest[:, met])
             for level in (prism.bottom_m, prism.top_m):
                 with np.errstate(divide="ignore"):
                     t = np.broadcast_to((level - pose.z) / climbs, nearest.shape)
+                t = np.where((t >= ahead.min()) & (t <= ahead.max()), t, np.nan)  # no further than the outline reaches
                 t = np.where((t > 0) & (t < self.sensor_range_m * 2), t, np.nan)
-                inside = _inside(outline, eye + t[..., None] * rays)
-                nearest = np.where(inside, np.fmin(nearest, t), nearest)
+                rows = np.flatnonzero(np.isfinite(t).any(axis=1))
+                inside = _inside(outline, eye + t[rows, :, None] * rays)
+                nearest[rows] = np.where(inside, np.fmin(nearest[rows], t[rows]), nearest[rows])
         if self.ground:
             with np.errstate(divide="ignore"):
                 t = np.where(climbs < 0, -pose.z / climbs, np.inf)

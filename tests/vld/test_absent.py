@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from contracts.orchestrator import Stop
 from tests.vld.evaluation_kit import a_record, a_result, a_task, a_verdict, stops
 from vld.absent import without_object, without_objects
 from vld.metrics.coverage import absence, windows_seen
@@ -50,6 +51,21 @@ def test_a_lap_sees_every_window_and_one_stop_those_before_it() -> None:
     away = stops((5.0, -6.0, DOWN))
     assert not any(windows_seen(BARE, a_record(BARE, a_result("object_not_found", stops=away)))[1:2])
     assert not any(windows_seen(BARE, a_record(BARE, None)))
+
+
+def test_the_first_look_counts_where_the_floors_were_counted_and_earlier_stops_do_not() -> None:
+    floors = tuple(stop.model_copy(update={"phase": "floors"}) for stop in ROUND[:2])
+    whole, without_first = stops_seen(ROUND), stops_seen(ROUND[1:])
+    assert sum(without_first) < sum(whole)
+    assert stops_seen(floors[:1] + ROUND[1:], 6) == whole
+    assert stops_seen(floors[:1] + ROUND[1:], 5) == without_first
+    assert stops_seen(floors + ROUND[2:], 5) == without_first
+    assert stops_seen(floors[:1], 1) == stops_seen(ROUND[:1])
+
+
+def stops_seen(places: tuple[Stop, ...], looks: int | None = None) -> list[bool]:
+    result = a_result("object_not_found", stops=places, exploration_steps=len(places) if looks is None else looks)
+    return windows_seen(BARE, a_record(BARE, result))
 
 
 def test_the_summary_tells_how_searches_for_nothing_ended_and_gives_them_no_spl() -> None:

@@ -9,12 +9,17 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from contracts.geometry import Pose
+from contracts.orchestrator import DeliveryResult
 from contracts.scene_layout import floor_outline, window_slots
 from navigation.shortest_path import VisibilityGraph
 from vld.metrics.ideal_lap import IN_VIEW_DEG, IN_VIEW_M
 from vld.metrics.proportion import Proportion, share
 from vld.records import EpisodeRecord, Task
+
+Xy = tuple[float, float]
 
 _VIEWS_REACH_RAD = math.radians(135.0)
 _BEFORE_THE_WALL_M = 0.05
@@ -50,21 +55,39 @@ def windows_seen(task: Task, record: EpisodeRecord) -> list[bool]:
     """For each window of the target building on the task's floor: did a stop of the search see it?"""
     building = task.scene.building(task.scene.target)
     slots = [slot for slot in window_slots(building) if slot.floor == task.floor]
-    stops = [s.pose for s in record.result.stops if s.phase == "explore"] if record.result is not None else []
+    stops = _looks(record.result) if record.result is not None else []
     if not stops or not slots:
         return [False] * len(slots)
     others = [floor_outline(b, 1) for b in task.scene.buildings if b.id != building.id]
     sight = VisibilityGraph([floor_outline(building, task.floor), *others], 0.0)
     places = np.array([(p.x, p.y) for p in stops])
-    yaws = np.array([p.yaw for p in stops])
+    windows = [(slot.centre[:2], slot.normal) for slot in slots]
+    return in_view(windows, places, np.array([p.yaw for p in stops]), sight)
+
+
+def _looks(result: DeliveryResult) -> list[Pose]:
+    """Where the search looked round: its own stops, and the last one before them where its first look was taken there
+    (a place at which several things are asked is one stop, of the phase that asked first)."""
+    own = [i for i, stop in enumerate(result.stops) if stop.phase == "explore"]
+    first = own[0] if own else len(result.stops)
+    if result.exploration_steps > len(own) and first > 0:
+        own.insert(0, first - 1)
+    return [result.stops[i].pose for i in own]
+
+
+def in_view(
+    windows: Sequence[tuple[Xy, Xy]], places: NDArray[np.float64], yaws: NDArray[np.float64], sight: VisibilityGraph
+) -> list[bool]:
+    """For each window (its middle and the unit vector out of its wall, ENU): was it in view from one of the places
+    (N, 2) with the nose at `yaws` (N,)? `sight` is of the walls, without clearance."""
     found = []
-    for slot in slots:
-        pane = np.array(slot.centre[:2]) + _BEFORE_THE_WALL_M * np.array(slot.normal)
+    for middle, normal in windows:
+        pane = np.array(middle) + _BEFORE_THE_WALL_M * np.array(normal)
         gap = places - pane
         away = np.hypot(gap[:, 0], gap[:, 1])
         bearing = np.arctan2(-gap[:, 1], -gap[:, 0]) - yaws
         turned = np.abs(np.mod(bearing + math.pi, math.tau) - math.pi)
-        good = (away <= IN_VIEW_M) & (gap @ np.array(slot.normal) > away * math.cos(math.radians(IN_VIEW_DEG)))
+        good = (away <= IN_VIEW_M) & (gap @ np.array(normal) > away * math.cos(math.radians(IN_VIEW_DEG)))
         at = np.flatnonzero(good & (turned <= _VIEWS_REACH_RAD))
         found.append(bool(sight.clear_legs(places[at], np.broadcast_to(pane, (len(at), 2))).any()))
     return found

@@ -12,6 +12,8 @@ from navigation.explorer.settings import Settings
 from tests.load.explorer_study import Flight, contour, figures, fly, paper
 from tests.navigation.explorer_worlds import make_task
 from tests.navigation.raycast_world import Prism, World, rectangle
+from tests.navigation.scene_worlds import from_scene
+from vld.tasks import shipped
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
 HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
@@ -48,6 +50,13 @@ def test_without_the_window_the_search_ends_with_nearly_all_of_the_facade_inspec
     assert flight.over
     assert not flight.found
     assert flight.covered > 0.97
+
+
+def test_a_t_shaped_house_with_balconies_shows_every_window_before_the_search_ends() -> None:
+    flight = fly(from_scene(shipped("vld-300").task("vld-300-031")), contour(Settings()), absent=True)
+    assert flight.over
+    assert not flight.collided
+    assert all(flight.in_view)
 
 
 def test_where_neighbours_stand_it_finds_more_than_the_papers_rule() -> None:
