@@ -131,6 +131,8 @@ class Sortie:
     steps: int = 0
     exploration_steps: int = 0
     stops: list[Stop] = field(default_factory=list)
+    ends: list[Pose] = field(default_factory=list)
+    """Where each move ended."""
     _moves: int = 0
     _counted_at: int = -1
 
@@ -193,6 +195,7 @@ class Sortie:
         move = Move(path=tuple(path), yaw=yaw)
         done = await self.timed("move", self.ports.world.move(self.flown.id, self._moves, move))
         self.episode = done.episode
+        self.ends.append(done.pose)
         self.write(
             "move" if path else "turn",
             why + ("" if done.reached else f"; stopped early{f' by {done.hit}' if done.hit else ''}"),

@@ -7,7 +7,7 @@ import math
 from typing import NamedTuple
 
 from contracts.depth_assist import SafeDistancesQuestion
-from contracts.geometry import Point3
+from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.sim import MoveResult
 from contracts.vlm_gateway import BuildingBoxQuestion, FloorCountAnswer, FloorCountQuestion
@@ -138,6 +138,7 @@ def _window_rows(sight: Sight, count: Count, at: int, stand_off: float) -> Windo
 async def _direct(sortie: Sortie, stand_off: float) -> FinalHeight:
     """The ablation: away from the facade until its top is in sight, then one count of all floors."""
     home = sortie.flown.pose
+    left = len(sortie.ends)
     top: float | None = None
     sight = await _front(sortie)
     for _ in range(STEPS_BACK):
@@ -156,13 +157,22 @@ async def _direct(sortie: Sortie, stand_off: float) -> FinalHeight:
         if isinstance(decision, FloorNotFound):
             raise _not_there(sortie, decision)
         if isinstance(decision, FinalHeight):
+            # what lies beneath or between is not known: back the way it came, which was free
+            await sortie.fly(_retraced([home, *sortie.ends[left:]]), home.yaw, "back to the facade")
             await _rise(sortie, decision.height_m, f"to floor {sortie.floor}")
-            place = Point3(x=home.x, y=home.y, z=decision.height_m)
-            await sortie.fly((place,), home.yaw, "back to the facade")
             return decision
         await sortie.fly((), sight.pose.yaw + NUDGE_RAD * (-1) ** silent, "a slightly different look")
         sight = await _front(sortie)
     raise _useless(sortie.settings.max_model_failures + 1, count)
+
+
+def _retraced(way: list[Pose]) -> tuple[Point3, ...]:
+    """From the last place of `way` back along it, to where it left the column over its first."""
+    first = way[0]
+    apart = [math.hypot(p.x - first.x, p.y - first.y) > 0.05 for p in way]
+    last_home = apart.index(True) - 1 if any(apart) else len(way) - 1
+    places = (Point3(x=p.x, y=p.y, z=p.z) for p in reversed(way[last_home:-1]))
+    return tuple(dict.fromkeys(places))  # without the turns
 
 
 async def _back(sortie: Sortie) -> None:

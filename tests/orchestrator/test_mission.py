@@ -127,6 +127,15 @@ async def test_direct_count_finds_the_height_from_one_picture_of_the_whole_build
     assert result.final_height_m == pytest.approx(10.5, abs=0.2)
 
 
+async def test_direct_count_comes_back_to_the_facade_over_what_stands_behind_the_way_it_went() -> None:
+    log = Events()
+    house = Block(x0=-8.0, x1=8.0, y0=-50.0, y1=-30.0, floors=3)
+    tower = Block(floors=16, thing=(3.0, -6.2, 4.5), neighbour=house)
+    result = await fly(BlockWorld(tower), log=log, request="floor 2, the green flower pot", floors="direct-count")
+    assert min(e.data["to"]["y"] for e in log.of("move")) < house.y1  # it was above the house
+    assert result.outcome == "delivered"
+
+
 async def test_steps_count_stops_with_a_model_query_and_several_queries_at_one_stop_once() -> None:
     log = Events()
     result = await fly(BlockWorld(BEHIND), log=log)
