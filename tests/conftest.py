@@ -1,5 +1,6 @@
 """What tests of several parts share: real servers on free ports, stopped at the end."""
 
+import os
 import shutil
 import socket
 import subprocess
@@ -8,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import certifi
 import pytest
 import uvicorn
 from starlette.types import ASGIApp
@@ -15,6 +17,22 @@ from starlette.types import ASGIApp
 from service_kit.run import server_config
 
 Serve = Callable[[ASGIApp], str]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_authority(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Everything here is asked over plain HTTP, yet httpx reads the certificates of all public authorities for every
+    client, which takes longer than most requests: one is enough."""
+    end = "-----END CERTIFICATE-----\n"
+    first = tmp_path_factory.mktemp("authority") / "first.pem"
+    first.write_text(certifi.contents().partition(end)[0] + end, encoding="ascii")
+    before = os.environ.get("SSL_CERT_FILE")
+    os.environ["SSL_CERT_FILE"] = str(first)
+    yield
+    if before is None:
+        del os.environ["SSL_CERT_FILE"]
+    else:
+        os.environ["SSL_CERT_FILE"] = before
 
 
 def free_port() -> int:
