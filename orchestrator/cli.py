@@ -19,6 +19,7 @@ from contracts.orchestrator import DeliveryQuestion, DeliveryResult
 from contracts.scene import Scene
 from orchestrator import mission_options, sample_library
 from orchestrator.clients import Addresses, Services
+from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from orchestrator.delivery import BadDelivery, Order, Run
 from orchestrator.doctor import calibrate_with, examine, print_calibration, print_findings
 from orchestrator.mission_options import SEED_HIGH, mission_settings
@@ -46,7 +47,6 @@ app = typer.Typer(
 )
 
 MAX_SCENE_BYTES = 4 * 1024 * 1024
-WRONG_INPUT, NOT_DELIVERED, INTERRUPTED = 2, 1, 130
 
 
 @app.command()
@@ -93,18 +93,18 @@ def deliver(
         order = Order(question)
         at = parse_addresses(services) if services else None
     except ValidationError as error:
-        _wrong(_first(error))
+        stop(_first(error), WRONG_INPUT)
     except (BadDelivery, ValueError) as error:
-        _wrong(str(error))
+        stop(str(error), WRONG_INPUT)
     console = Console(stderr=as_json)
     try:
-        run, result = asyncio.run(_deliver(order, out, backend, at, console, live=not as_json))
+        run, result = asyncio.run(interruptible(_deliver(order, out, backend, at, console, live=not as_json)))
     except CannotStart as error:
-        _stop(f"the services could not be started: {error}", NOT_DELIVERED)
+        stop(f"the services could not be started: {error}", FAILED)
     except OSError as error:
-        _stop(f"the record can't be written to {out}: {error.strerror}", WRONG_INPUT)
+        stop(f"the record can't be written to {out}: {error.strerror}", WRONG_INPUT)
     except asyncio.CancelledError:
-        _stop("interrupted before the flight began", INTERRUPTED)
+        stop("interrupted before the flight began", INTERRUPTED)
     folder = str(run.record.folder)
     if as_json:
         told = {"id": run.id, "request": order.request, "scene": order.scene.name, "backend": backend}
@@ -113,18 +113,13 @@ def deliver(
         print_result(console, result, folder)
     if result.outcome == "cancelled":
         raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(0 if result.outcome == "delivered" else NOT_DELIVERED)
+    raise typer.Exit(0 if result.outcome == "delivered" else FAILED)
 
 
 async def _deliver(
     order: Order, out: Path, backend: str, at: Addresses | None, console: Console, *, live: bool
 ) -> tuple[Run, DeliveryResult]:
-    """Starts what is needed, flies, stops what was started. SIGINT and SIGTERM cancel the flight, not the record."""
-    task = asyncio.current_task()
-    loop = asyncio.get_running_loop()
-    if task is not None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, task.cancel)
+    """Starts what is needed, flies, stops what was started. Cancelling it ends the flight, not the record."""
     async with contextlib.AsyncExitStack() as stack:
         terminal = live and console.is_terminal
         view: LiveView | PlainView = LiveView(console, order.request, backend) if terminal else PlainView(console)
@@ -150,31 +145,27 @@ def serve(
 ) -> None:
     """Run all services as processes of this machine, or one by name, until Ctrl-C."""
     if service is not None and service not in MODULES:
-        _wrong(f"there is no service {service!r}; there are: {', '.join(MODULES)}")
+        stop(f"there is no service {service!r}; there are: {', '.join(MODULES)}", WRONG_INPUT)
     ports = {name: base_port + port - PORTS["orchestrator"] for name, port in PORTS.items()}
     chosen = ports if service is None else {service: ports[service]}
     extra = oracle_settings(ports) if oracle else {}
     folder = logs / time.strftime("%Y%m%d-%H%M%S")
     group = Processes(chosen, folder, environment=own_environment(), extra=extra)
     try:
-        asyncio.run(_serve(group, chosen, folder))
+        asyncio.run(interruptible(_serve(group, chosen, folder)))
     except CannotStart as error:
-        _stop(str(error), NOT_DELIVERED)
+        stop(str(error), FAILED)
     except asyncio.CancelledError:
-        _stop("interrupted while starting", INTERRUPTED)
+        stop("interrupted while starting", INTERRUPTED)
 
 
 async def _serve(group: Processes, ports: dict[str, int], folder: Path) -> None:
     console = Console()
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    task = asyncio.current_task()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, lambda: task.cancel() if task else None)
+    leaving = asyncio.Event()
     console.print(f"starting {', '.join(ports)} (logs in {folder})", highlight=False)
     async with group:
         for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
+            asyncio.get_running_loop().add_signal_handler(number, leaving.set)
         table = Table.grid(padding=(0, 2))
         for child in group.children:
             table.add_row(child.name, child.url, str(child.log))
@@ -183,11 +174,11 @@ async def _serve(group: Processes, ports: dict[str, int], folder: Path) -> None:
             console.print(f"ready: the viewer is at http://127.0.0.1:{ports['orchestrator']}/", highlight=False)
         else:
             console.print("ready", highlight=False)
-        while not stop.is_set():
+        while not leaving.is_set():
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(stop.wait(), 0.5)
+                await asyncio.wait_for(leaving.wait(), 0.5)
             gone = group.ended()
-            if gone is not None and not stop.is_set():
+            if gone is not None and not leaving.is_set():
                 raise CannotStart(f"{gone.name} ended with code {gone.process.returncode}: {gone.tail()}")
         console.print("stopping", highlight=False)
 
@@ -221,11 +212,11 @@ def _calibrate(model: str, gateway: str | None, rounds: int, out: Path, *, as_js
     try:
         found = asyncio.run(calibrate_with(model, gateway, rounds, out / "logs", own_environment(), console))
     except CannotStart as error:
-        _stop(f"the gateway could not be started: {error}", NOT_DELIVERED)
+        stop(f"the gateway could not be started: {error}", FAILED)
     except Refused as error:
-        _stop(f"the gateway refuses {model!r}: {error.reason}", WRONG_INPUT if error.status == 422 else NOT_DELIVERED)
+        stop(f"the gateway refuses {model!r}: {error.reason}", WRONG_INPUT if error.status == 422 else FAILED)
     except CallError as error:
-        _stop(str(error), NOT_DELIVERED)
+        stop(str(error), FAILED)
     if as_json:
         typer.echo(json.dumps({"ok": found.certainty in ("sure", "likely"), **found.model_dump()}))
     else:
@@ -273,15 +264,6 @@ def _first(error: ValidationError) -> str:
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
     return f"{where}: {first['msg']}" if where else str(first["msg"])
-
-
-def _wrong(message: str) -> NoReturn:
-    _stop(message, WRONG_INPUT)
-
-
-def _stop(message: str, code: int) -> NoReturn:
-    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
-    raise typer.Exit(code)
 
 
 def main() -> None:

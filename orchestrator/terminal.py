@@ -2,8 +2,6 @@
 
 from collections import deque
 from collections.abc import Callable
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -12,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from contracts.orchestrator import DeliveryResult, Event
+from orchestrator.console import Printed, Redrawn
 from orchestrator.wording import counted
 
 PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
@@ -28,19 +27,11 @@ STYLES = {
 Show = Callable[[Event], None]
 
 
-class PlainView:
+class PlainView(Printed):
     """One line an event: for pipes, logs and CI."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        return None
 
     def show(self, event: Event) -> None:
         line = f"{event.time_s:7.2f} s  {event.phase:<8}  {event.message}"
@@ -50,7 +41,7 @@ class PlainView:
         self._console.print(message, markup=False, highlight=False, soft_wrap=True)
 
 
-class LiveView:
+class LiveView(Redrawn):
     """Phases, the last events, and who was asked how often and for how long."""
 
     def __init__(self, console: Console, request: str, backend: str) -> None:
@@ -61,16 +52,7 @@ class LiveView:
         self._facts: dict[str, str] = {}
         self._reached: list[str] = []
         self._note = "starting the services"
-        self._live = Live(console=console, refresh_per_second=8, get_renderable=self._picture)
-
-    def __enter__(self) -> Self:
-        self._live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._live.stop()
+        super().__init__(Live(console=console, refresh_per_second=8, get_renderable=self._picture))
 
     def note(self, message: str) -> None:
         self._note = message
@@ -86,12 +68,12 @@ class LiveView:
 
     def _learn(self, event: Event) -> None:
         data = event.data
-        for answer, seconds in ((data.get("answer"), data.get("seconds")),):
-            if isinstance(answer, dict) and "outcome" in answer:
-                role = str(answer.get("role") or "parser")
-                calls, hits, spent = self._asked.get(role, (0, 0, 0.0))
-                took = float(seconds if seconds is not None else answer.get("latency_s") or 0.0)
-                self._asked[role] = (calls + 1, hits + int(answer.get("cache") == "hit"), spent + took)
+        answer, seconds = data.get("answer"), data.get("seconds")
+        if isinstance(answer, dict) and "outcome" in answer:
+            role = str(answer.get("role") or "parser")
+            calls, hits, spent = self._asked.get(role, (0, 0, 0.0))
+            took = float(seconds if seconds is not None else answer.get("latency_s") or 0.0)
+            self._asked[role] = (calls + 1, hits + int(answer.get("cache") == "hit"), spent + took)
         if event.kind == "parsed":
             self._facts["wanted"] = event.message
         pose = data.get("to") or data.get("pose")
@@ -123,9 +105,7 @@ class LiveView:
             figures.add_row(Text(name, "dim"), value)
         for role, (calls, hits, spent) in self._asked.items():
             cached = f", {hits} cached" if hits else ""
-            figures.add_row(
-                Text(f"model: {role}", "dim"), f"{calls} call{'s' if calls > 1 else ''}{cached}, {spent:.2f} s"
-            )
+            figures.add_row(Text(f"model: {role}", "dim"), f"{counted(calls, 'call')}{cached}, {spent:.2f} s")
         title = Text(f"“{self._request}”", "bold", overflow="fold")
         body = Group(title, Text(), bar, Text(), lines, Text(), figures)
         return Panel(body, title=f"LogisticsVLN · {self._backend}", border_style="blue", padding=(1, 2))

@@ -2,18 +2,16 @@
 
 import sys
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
 from vld.absent import without_objects
 from vld.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate
 from vld.sim_client import SimulatorFault, own_simulator
 from vld.tasks import BadTasks, TaskSet, lines_of, load, packed, read
-
-WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 
 app = typer.Typer(
     help="The task set: make fresh ones, look at single tasks, count what is in them.",
@@ -37,7 +35,7 @@ def generate_command(
 ) -> None:
     """Make a fresh set of tasks of the same kind as the shipped one; every one is flown once, with the truth."""
     if out is not None and out.exists():
-        _stop(f"{out} is there already; name another file", WRONG_INPUT)
+        stop(f"{out} is there already; name another file", WRONG_INPUT)
     try:
         made = generated(seed, count, Console(stderr=True), name)
         made = without_objects(made) if absent else made
@@ -49,13 +47,13 @@ def generate_command(
             part.write_bytes(packed(made.tasks) if out.name.endswith(".zst") else lines_of(made.tasks))
             part.replace(out)
     except ValueError as error:
-        _stop(str(error), WRONG_INPUT)
+        stop(str(error), WRONG_INPUT)
     except (CannotGenerate, SimulatorFault) as error:
-        _stop(str(error), FAILED)
+        stop(str(error), FAILED)
     except OSError as error:
-        _stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
+        stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
     except KeyboardInterrupt:
-        _stop("interrupted; nothing was written", INTERRUPTED)
+        stop("interrupted; nothing was written", INTERRUPTED)
 
 
 @app.command()
@@ -70,17 +68,17 @@ def show(
     try:
         found = load(tasks).task(task)
     except BadTasks as error:
-        _stop(str(error), WRONG_INPUT)
+        stop(str(error), WRONG_INPUT)
     if found.absent:
-        _stop(f"the object of {found.id} is not there: there is no window to draw a way to", WRONG_INPUT)
+        stop(f"the object of {found.id} is not there: there is no window to draw a way to", WRONG_INPUT)
     path = out or Path(f"{found.id}.png")
     try:
         with own_simulator() as simulator:
             draw_task(found, simulator, path)
     except SimulatorFault as error:
-        _stop(str(error), FAILED)
+        stop(str(error), FAILED)
     except OSError as error:
-        _stop(f"{path} can't be written: {error.strerror}", WRONG_INPUT)
+        stop(f"{path} can't be written: {error.strerror}", WRONG_INPUT)
     typer.echo(str(path))
 
 
@@ -96,16 +94,16 @@ def stats(
     try:
         chosen = load(tasks)
     except BadTasks as error:
-        _stop(str(error), WRONG_INPUT)
+        stop(str(error), WRONG_INPUT)
     found = count(chosen)
     if out is not None:
         try:
             for path in write_page(found, out):
                 typer.echo(str(path), err=as_json)
         except ImportError:
-            _stop("the charts need matplotlib: install the extra `eval`", FAILED)
+            stop("the charts need matplotlib: install the extra `eval`", FAILED)
         except OSError as error:
-            _stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
+            stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
     if as_json:
         typer.echo(found.model_dump_json())
     elif out is None:
@@ -114,14 +112,8 @@ def stats(
 
 def generated(seed: int, count: int, console: Console, name: str | None = None) -> TaskSet:
     """A fresh set, with a progress bar. Raises ValueError, CannotGenerate, SimulatorFault."""
-    columns = (TextColumn("making tasks"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     prefix = name or f"s{seed}"
-    with Progress(*columns, console=console, transient=True) as progress, own_simulator() as simulator:
-        bar = progress.add_task("tasks", total=count)
-        tasks = generate(seed, count, prefix, simulator, lambda _: progress.advance(bar))
+    with bar(console) as progress, own_simulator() as simulator:
+        job = progress.add_task("making tasks", total=count)
+        tasks = generate(seed, count, prefix, simulator, lambda _: progress.advance(job))
     return read(lines_of(tasks), f"seed {seed}, count {count}")
-
-
-def _stop(message: str, code: int) -> NoReturn:
-    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
-    raise typer.Exit(code)

@@ -5,16 +5,16 @@ import importlib.metadata
 import json
 import os
 import platform
-import signal
 import time
 from pathlib import Path
-from typing import Annotated, Literal, NoReturn
+from typing import Annotated, Literal
 
 import typer
 from pydantic import ValidationError
 from rich.console import Console
 
 from orchestrator import mission_options
+from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from orchestrator.mission_options import SEED_HIGH, mission_settings
 from vld.absent import without_objects
 from vld.bench.folder import BadFolder, RunFolder
@@ -31,7 +31,6 @@ from vld.summary import Summary
 from vld.tasks import BadTasks, TaskSet, load
 from vld.tasks_cli import generated
 
-WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 MAX_WORKERS = 64
 _PACKAGES = ("logisticsvln", "numpy", "opencv-python-headless", "moderngl", "pybullet", "pydantic", "aiohttp")
 
@@ -85,11 +84,9 @@ def bench(
         "noise_seed": float(noise_seed),
     }
     if backend != "oracle" and any(noise.values()):
-        _stop(
-            f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT
-        )
+        stop(f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT)
     if recording is not None and cache == "off":
-        _stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
+        stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
     try:
         chosen = _tasks(tasks, seed, count, console)
         chosen = without_objects(chosen) if absent else chosen
@@ -115,31 +112,31 @@ def bench(
         )
     except ValidationError as error:
         first = error.errors()[0]
-        _stop(f"{'.'.join(str(p) for p in first['loc'])}: {first['msg']}", WRONG_INPUT)
+        stop(f"{'.'.join(str(p) for p in first['loc'])}: {first['msg']}", WRONG_INPUT)
     except (BadTasks, ValueError) as error:
-        _stop(str(error), WRONG_INPUT)
+        stop(str(error), WRONG_INPUT)
     except (CannotGenerate, SimulatorFault) as error:
-        _stop(f"the tasks could not be made: {error}", FAILED)
+        stop(f"the tasks could not be made: {error}", FAILED)
     except KeyboardInterrupt:
-        _stop("interrupted before the first flight", INTERRUPTED)
+        stop("interrupted before the first flight", INTERRUPTED)
     mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
+    gateway = _gateway(mode, recording, settings.oracle)
+    some, cores = _first(chosen, settings.count), one_core_each(os.environ)
     if subtask is not None:
-        gateway = _gateway(mode, recording, settings.oracle)
-        some, cores = _first(chosen, settings.count), one_core_each(os.environ)
         ask_alone(subtask, some, settings, cores, gateway, console, out, as_json=as_json)
         return
     place = out or Path("runs") / f"bench-{time.strftime('%Y%m%d-%H%M%S')}"
     try:
-        folder = RunFolder(place, settings, _first(chosen, settings.count))
+        folder = RunFolder(place, settings, some)
     except BadFolder as error:
-        _stop(str(error), WRONG_INPUT)
+        stop(str(error), WRONG_INPUT)
     job = Job(
         folder=str(place.absolute()),
         logs="",
         mission=settings.mission,
         backend=backend,
-        environment=one_core_each(os.environ),
-        gateway=_gateway(mode, recording, noise if backend == "oracle" else {}),
+        environment=cores,
+        gateway=gateway,
         pictures=pictures,
         episode_s=episode_s,
     )
@@ -160,26 +157,17 @@ def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -
     with view:
         run = Run(folder, job, settings.workers, view.show)
         try:
-            asyncio.run(_interruptible(run))
+            asyncio.run(interruptible(run.fly()))
         except asyncio.CancelledError:
             run.conclude()
-            _stop(
+            stop(
                 f"interrupted after {len(folder.records)} of {len(folder.tasks)} results; the same command with "
                 f"--out {folder.path} goes on",
                 INTERRUPTED,
             )
         except (CannotRun, OSError) as error:
-            _stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)
+            stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)
     return run.conclude()
-
-
-async def _interruptible(run: Run) -> None:
-    task = asyncio.current_task()
-    loop = asyncio.get_running_loop()
-    if task is not None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, task.cancel)
-    await run.fly()
 
 
 def _tasks(tasks: str | None, seed: int | None, count: int | None, console: Console) -> TaskSet:
@@ -221,8 +209,3 @@ def _versions() -> dict[str, str]:
         except importlib.metadata.PackageNotFoundError:
             continue
     return found
-
-
-def _stop(message: str, code: int) -> NoReturn:
-    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
-    raise typer.Exit(code)

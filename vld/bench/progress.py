@@ -2,21 +2,21 @@
 
 import time
 from collections import Counter
-from types import TracebackType
-from typing import Self
 
 from rich.console import Console
 from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from orchestrator.console import Printed, Redrawn
+from orchestrator.wording import counted
 from vld.bench.run import Standing
 from vld.metrics.proportion import proportion
 
 LINE_EVERY_S = 15.0
 
 
-class LiveProgress:
+class LiveProgress(Redrawn):
     """A table that is redrawn in place."""
 
     def __init__(self, console: Console, title: str) -> None:
@@ -24,15 +24,7 @@ class LiveProgress:
         self._last: list[str] = []
         self._reasons: Counter[str] = Counter()
         self._live = Live(console=console, refresh_per_second=4, transient=True)
-
-    def __enter__(self) -> Self:
-        self._live.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._live.stop()
+        super().__init__(self._live)
 
     def show(self, now: Standing) -> None:
         if now.last is not None:
@@ -54,21 +46,13 @@ class LiveProgress:
         self._live.update(grid)
 
 
-class PlainProgress:
+class PlainProgress(Printed):
     """One line at most every `LINE_EVERY_S`, and one at the end."""
 
     def __init__(self, console: Console, title: str) -> None:
         self._console = console
         self._title = title
         self._said = -LINE_EVERY_S
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Nothing is held."""
 
     def show(self, now: Standing) -> None:
         if time.monotonic() - self._said < LINE_EVERY_S and now.done < now.total:
@@ -85,8 +69,7 @@ class PlainProgress:
 def _rate(now: Standing) -> str:
     if not now.flown or now.session_s <= 0:
         return "n/a"
-    workers = f"{now.workers} worker{'s' if now.workers > 1 else ''}"
-    return f"{60 * now.flown / now.session_s:.1f} episodes a minute by {workers}"
+    return f"{60 * now.flown / now.session_s:.1f} episodes a minute by {counted(now.workers, 'worker')}"
 
 
 def _left(now: Standing) -> str:

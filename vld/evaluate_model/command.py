@@ -4,19 +4,19 @@ import asyncio
 import json
 import tempfile
 import urllib.request
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from contracts.orchestrator import SightingSettings
 from contracts.sim import Catalogue
 from orchestrator.clients import Services
+from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
 from orchestrator.ports import PortError
 from orchestrator.processes import CannotStart, Processes, free_ports, own_environment
 from orchestrator.record import write_whole
@@ -32,7 +32,6 @@ from vld.evaluate_model.scores import Scores, score
 from vld.report.runs import Run, load_runs
 from vld.sim_client import SimulatorFault, own_simulator
 
-WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 PICTURES = Path("~/.cache/logisticsvln/evaluation")
 CARD, CURVES, SHEET = "model-card.md", "model-card.png", "model-card-mistakes.png"
 MAX_TASKS = 5_000
@@ -77,13 +76,13 @@ def evaluate(
         if card_folder is not None:
             write_card(card_folder, cases, given, scores, folder, about, runs)
     except KeyError as error:
-        _stop(f"{folder} has no pictures of street {error}, which the answers are about", WRONG_INPUT)
+        stop(f"{folder} has no pictures of street {error}, which the answers are about", WRONG_INPUT)
     except (BadFolder, ValueError) as error:
-        _stop(str(error), WRONG_INPUT)
+        stop(str(error), WRONG_INPUT)
     except (CannotStart, SimulatorFault, PortError, OSError) as error:
-        _stop(str(error), FAILED)
+        stop(str(error), FAILED)
     except KeyboardInterrupt:
-        _stop("interrupted; the pictures rendered so far are kept", INTERRUPTED)
+        stop("interrupted; the pictures rendered so far are kept", INTERRUPTED)
     if as_json:
         typer.echo(scores.model_dump_json())
     else:
@@ -170,28 +169,12 @@ def _usual(answers: Answers, cases: dict[int, Case]) -> Answers:
     )
 
 
-class _Advance(AbstractContextManager[Callable[[], None]]):
-    """A progress bar that goes on by one at each call."""
-
-    def __init__(self, progress: Progress, what: str, total: int) -> None:
-        self._progress, self._what, self._total = progress, what, total
-
-    def __enter__(self) -> Callable[[], None]:
-        self._progress.start()
-        job = self._progress.add_task(self._what, total=self._total)
-        return lambda: self._progress.advance(job)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
-
-
-def _bar(console: Console, what: str, total: int) -> AbstractContextManager[Callable[[], None]]:
+@contextmanager
+def _bar(console: Console, what: str, total: int) -> Iterator[Callable[[], None]]:
+    """A progress bar that goes on by one at each call; none where nothing is to do."""
     if total == 0:
-        return nullcontext(lambda: None)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return _Advance(Progress(*columns, console=console, transient=True), what, total)
-
-
-def _stop(message: str, code: int) -> NoReturn:
-    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
-    raise typer.Exit(code)
+        yield lambda: None
+        return
+    with bar(console) as progress:
+        job = progress.add_task(what, total=total)
+        yield lambda: progress.advance(job)

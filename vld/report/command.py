@@ -1,19 +1,19 @@
 """`logisticsvln report` and `compare`: runs in, one HTML page or one table out."""
 
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
+from orchestrator.console import WRONG_INPUT, stop
 from orchestrator.record import write_whole
 from vld.bench.folder import BadFolder
 from vld.report.comparison import HEADS, cells, compared, markdown
 from vld.report.page import build_page
 from vld.report.runs import load_runs
 
-WRONG_INPUT = 2
 MAX_RUNS = 8
 
 
@@ -29,9 +29,9 @@ def report(
         page = build_page(load_runs(runs), megabytes * 1_000_000)
         write_whole(page_path, page)
     except BadFolder as error:
-        _wrong(str(error))
+        stop(str(error), WRONG_INPUT)
     except OSError as error:
-        _wrong(f"the report can't be written to {page_path}: {error.strerror}")
+        stop(f"the report can't be written to {page_path}: {error.strerror}", WRONG_INPUT)
     typer.echo(str(page_path))
 
 
@@ -43,11 +43,11 @@ def compare(
     """Runs side by side, with paired tests against the first: McNemar's for success, a paired bootstrap for SPL."""
     _check_count(runs)
     if as_json and as_markdown:
-        _wrong("--json and --markdown exclude each other")
+        stop("--json and --markdown exclude each other", WRONG_INPUT)
     try:
         arms = compared(load_runs(runs))
     except ValueError as error:
-        _wrong(str(error))
+        stop(str(error), WRONG_INPUT)
     if as_json:
         typer.echo(arms.model_dump_json(indent=2))
     elif as_markdown:
@@ -63,9 +63,4 @@ def compare(
 
 def _check_count(runs: list[Path]) -> None:
     if len(runs) > MAX_RUNS:
-        _wrong(f"at most {MAX_RUNS} runs lie beside each other, not {len(runs)}")
-
-
-def _wrong(message: str) -> NoReturn:
-    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
-    raise typer.Exit(WRONG_INPUT)
+        stop(f"at most {MAX_RUNS} runs lie beside each other, not {len(runs)}", WRONG_INPUT)

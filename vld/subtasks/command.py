@@ -2,28 +2,24 @@
 
 import asyncio
 import json
-import signal
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import NoReturn, Self
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, Printed, Redrawn, bar, interruptible, stop
 from orchestrator.record import write_whole
 from vld.records import RunSettings, Task
 from vld.subtasks.crew import CannotAsk, ask_all
 from vld.subtasks.figures import Subtask, SubtaskScores
-from vld.subtasks.run import Asked, Plan, scored
+from vld.subtasks.run import Plan, scored
 from vld.subtasks.worker import AskJob
 from vld.summary import Rate
 
-WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 LINE_EVERY_S = 15.0
 
 
@@ -48,7 +44,7 @@ def ask_alone(
             with tempfile.TemporaryFile(dir=out):
                 pass
     except OSError as error:
-        _stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
+        stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
     try:
         with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs:
             job = AskJob(subtask=subtask, plan=plan, logs=logs, environment=dict(environment), gateway=dict(gateway))
@@ -57,11 +53,11 @@ def ask_alone(
         if out is not None:
             write_whole(out / f"{subtask}.json", told + "\n")
     except CannotAsk as error:
-        _stop(str(error), FAILED)
+        stop(str(error), FAILED)
     except OSError as error:
-        _stop(f"{out} can't be written: {error.strerror}", FAILED)
+        stop(f"{out} can't be written: {error.strerror}", FAILED)
     except (KeyboardInterrupt, asyncio.CancelledError):
-        _stop("interrupted before the last question: nothing is told of a part", INTERRUPTED)
+        stop("interrupted before the last question: nothing is told of a part", INTERRUPTED)
     if as_json:
         typer.echo(told)
     else:
@@ -73,17 +69,8 @@ def _examine(job: AskJob, tasks: Sequence[Task], workers: int, console: Console)
     began = time.perf_counter()
     title = f"{job.subtask}, {job.plan.backend}"
     with _Bar(console, title, len(tasks)) if console.is_terminal else _Lines(console, title, len(tasks)) as progress:
-        asked = asyncio.run(_interruptible(job, tasks, workers, progress.show))
+        asked = asyncio.run(interruptible(ask_all(job, tasks, workers, progress.show)))
     return scored(job.subtask, job.plan, asked, time.perf_counter() - began)
-
-
-async def _interruptible(job: AskJob, tasks: Sequence[Task], workers: int, told: Callable[[int], None]) -> list[Asked]:
-    task = asyncio.current_task()
-    loop = asyncio.get_running_loop()
-    if task is not None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, task.cancel)
-    return await ask_all(job, tasks, workers, told)
 
 
 def print_scores(console: Console, scores: SubtaskScores) -> None:
@@ -122,34 +109,19 @@ def _cells(rate: Rate) -> tuple[str, str, str]:
     return f"{rate.k}/{rate.n}", f"{100 * rate.rate:.1f} %", f"[{100 * rate.low:.1f}, {100 * rate.high:.1f}]"
 
 
-class _Bar:
+class _Bar(Redrawn):
     """A bar that is redrawn in place."""
 
     def __init__(self, console: Console, title: str, total: int) -> None:
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-        )
+        self._bar = bar(console)
+        super().__init__(self._bar)
         self._job = self._bar.add_task(title, total=total)
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
 
     def show(self, done: int) -> None:
         self._bar.update(self._job, completed=done)
 
 
-class _Lines:
+class _Lines(Printed):
     """One line at most every `LINE_EVERY_S`, and one at the end."""
 
     def __init__(self, console: Console, title: str, total: int) -> None:
@@ -158,21 +130,8 @@ class _Lines:
         self._total = total
         self._said = time.monotonic()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Nothing is held."""
-
     def show(self, done: int) -> None:
         if time.monotonic() - self._said < LINE_EVERY_S and done < self._total:
             return
         self._said = time.monotonic()
         self._console.print(f"{self._title}: {done}/{self._total} tasks", highlight=False, soft_wrap=True)
-
-
-def _stop(message: str, code: int) -> NoReturn:
-    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
-    raise typer.Exit(code)
