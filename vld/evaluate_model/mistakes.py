@@ -6,6 +6,7 @@ from pathlib import Path
 
 from contracts.geometry import Heading
 from contracts.sim import VisibleObject
+from orchestrator.wording import with_article
 from vld.evaluate_model.asking import Answers
 from vld.evaluate_model.cases import Case, Look
 from vld.evaluate_model.drawing import Tile
@@ -86,8 +87,7 @@ def _claimed(j: Judged) -> str:
     if not there:
         return "no thing at all"
     best = max(there, key=lambda t: t.pixels)
-    article = "an" if best.colour[0] in "aeiou" else "a"
-    return f"{article} {best.colour} {best.kind.replace('_', ' ')}"
+    return with_article(f"{best.colour} {best.kind.replace('_', ' ')}")
 
 
 def _asked(j: Judged) -> tuple[str | None, str | None]:
