@@ -90,7 +90,7 @@ def fly_through_kills(folder: Path, set_of_tasks: Path, count: int, kills: int, 
     for n in at:
         run = start("--tasks", set_of_tasks, *SMALL, "--workers", "1", folder=folder)
         while len(results(folder)) < n or len(descendants(run.pid)) < 5:
-            assert run.poll() is None, "the run ended before it was killed"
+            assert run.poll() is None, f"the run ended before it was killed: {run.communicate()[1]}"
             time.sleep(0.02)
         time.sleep(chance.uniform(0.0, 1.0))
         theirs = descendants(run.pid)
