@@ -134,7 +134,7 @@ def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
     up = depth * row_slopes(camera)[rows]
     angle = math.radians(view.heading_deg)
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
-    points = np.empty((len(at), 3), np.float32)
+    points = np.empty((3, len(at)), np.float32).T  # axis by axis in memory, as everything that reads it goes
     np.subtract(depth * cos, across * sin, out=points[:, 0])
     np.add(depth * sin, across * cos, out=points[:, 1])
     points[:, 2] = up
@@ -146,10 +146,10 @@ def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m
     parts = []
     for view in views:
         height, width = view.depth_m.shape
-        slopes = np.abs(row_slopes(pinhole(width, height)))[:, None]
-        with np.errstate(invalid="ignore"):  # inf x 0 on the horizon and nan compare false, as they should
-            mask = (view.depth_m <= depth_limit_m) & (view.depth_m * slopes <= half_height_m)
-        parts.append(cloud(view, mask))
+        slopes = np.abs(row_slopes(pinhole(width, height)))
+        with np.errstate(divide="ignore"):
+            limit = np.minimum(np.float32(half_height_m) / slopes, np.float32(depth_limit_m))
+        parts.append(cloud(view, view.depth_m <= limit[:, None]))
     return np.concatenate(parts) if parts else np.zeros((0, 3), np.float32)
 
 

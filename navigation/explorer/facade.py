@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.explorer.map import CELL_M, OCCUPIED, SIZE, Map, cells_of
+from navigation.explorer.map import CELL_M, OCCUPIED, SIZE, Map, cells_of, part_about
 from navigation.explorer.scan import BINS, Scan
 from navigation.explorer.settings import Settings
 
@@ -129,25 +129,32 @@ def target_cells(grid: Map, seed: Seed) -> Bools:
 
     What stands at the body's height links pieces too: eaves and balconies run on where they hide the wall behind.
     """
-    solid = (grid.state == OCCUPIED).astype(np.uint8)
-    grown = cv2.dilate(solid | grid.body, np.ones((3, 3), np.uint8))
-    labels = cv2.connectedComponents(grown, connectivity=8)[1]
+    target = np.zeros((SIZE, SIZE), bool)
+    solid = grid.state == OCCUPIED
+    standing = solid | grid.body
+    part = part_about(standing, 1)
     cell = int(cells_of(grid, np.array([[seed.x, seed.y]]))[0])
     if cell < 0:
-        return np.zeros((SIZE, SIZE), bool)
+        return target
     row, column = divmod(cell, SIZE)
-    about = labels[max(0, row - 2) : row + 3, max(0, column - 2) : column + 3]
+    row, column = row - part[0].start, column - part[1].start
+    grown = cv2.dilate(standing[part].astype(np.uint8), np.ones((3, 3), np.uint8))
+    labels = cv2.connectedComponents(grown, connectivity=8)[1]
+    about = labels[max(0, row - 2) : max(0, row + 3), max(0, column - 2) : max(0, column + 3)]
     found = about[about > 0]
-    if not len(found):
-        return np.zeros((SIZE, SIZE), bool)
-    target: Bools = (labels == np.bincount(found).argmax()) & (solid > 0)
+    if len(found):
+        target[part] = (labels == np.bincount(found).argmax()) & solid[part]
     return target
 
 
 def seen_cells(grid: Map, target: Bools) -> Bools:
     """(SIZE, SIZE) the target's cells that are inspected, or have an inspected one beside them."""
-    about: Bools = cv2.dilate((grid.inspected & target).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return about & target
+    seen = np.zeros_like(target)
+    part = part_about(target, 1)
+    well = (grid.inspected[part] & target[part]).astype(np.uint8)
+    if well.any():
+        seen[part] = (cv2.dilate(well, np.ones((3, 3), np.uint8)) > 0) & target[part]
+    return seen
 
 
 def unseen(grid: Map, target: Bools, settings: Settings, min_patch_m: float | None = None) -> Bools:
@@ -159,12 +166,16 @@ def unseen(grid: Map, target: Bools, settings: Settings, min_patch_m: float | No
 
 def patches(cells: Bools, least_m: float) -> Bools:
     """(SIZE, SIZE) the cells without those in connected pieces smaller than `least_m` across."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(cells.astype(np.uint8), connectivity=8)
+    kept = np.zeros_like(cells)
+    part = part_about(cells, 0)
+    if not cells[part].size:
+        return kept
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(cells[part].astype(np.uint8), connectivity=8)
     extent = np.hypot(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * CELL_M
     worth = extent >= least_m
     worth[0] = False
-    out: Bools = worth[labels] if count > 1 else np.zeros_like(cells)
-    return out
+    kept[part] = worth[labels]
+    return kept
 
 
 def inspected_share(grid: Map, target: Bools) -> float:

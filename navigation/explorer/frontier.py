@@ -1,5 +1,6 @@
 """Where the target's facade is expected to go on out of sight: hidden faces, gaps, and what an occluder covers."""
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -9,7 +10,18 @@ from numpy.typing import NDArray
 
 from navigation.camera import Pose
 from navigation.explorer.facade import Walls, patches
-from navigation.explorer.map import CELL_M, FREE, SIZE, UNKNOWN, Cells, Map, cells_of, from_turns, to_turns
+from navigation.explorer.map import (
+    CELL_M,
+    FREE,
+    SIZE,
+    UNKNOWN,
+    Cells,
+    Map,
+    cells_of,
+    from_turns,
+    part_about,
+    to_turns,
+)
 from navigation.explorer.scan import BINS, Scan
 from navigation.explorer.settings import Settings
 
@@ -68,9 +80,14 @@ def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settin
 def openings(grid: Map, target: Bools) -> Bools:
     """(SIZE, SIZE) unknown cells near the target that border on known free ones, from where they can be seen; none
     round a contour that has closed. The last thing to look at before facade counts as all seen."""
-    away = cv2.distanceTransform((~target).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
-    beside_free = cv2.dilate((grid.state == FREE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    found: Bools = (grid.state == UNKNOWN) & beside_free & (away <= _NEAR_TARGET_M)
+    found = np.zeros_like(target)
+    part = part_about(target, math.ceil(_NEAR_TARGET_M / CELL_M) + 1)
+    if not target[part].size:
+        return found
+    state = grid.state[part]
+    away = cv2.distanceTransform((~target[part]).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
+    beside_free = cv2.dilate((state == FREE).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    found[part] = (state == UNKNOWN) & beside_free & (away <= _NEAR_TARGET_M)
     return found
 
 
@@ -103,7 +120,7 @@ def forget(grid: Map, target: Bools, pose: Pose) -> None:
             beside += there
             keep &= ~(there & ((from_turns(grid.normal[r, c]) * own).sum(axis=1) > LIKE))
     keep &= (beside < 2) & ~_is_behind(grid, target, rows, columns, own)
-    grid.expected[rows, columns] = keep & _outside(grid, target, pose)[rows, columns]
+    grid.expected[rows, columns] = keep & _outside(grid, target, pose, rows, columns)
 
 
 def _is_behind(grid: Map, target: Bools, rows: Cells, columns: Cells, normals: Floats) -> Bools:
@@ -119,11 +136,18 @@ def _is_behind(grid: Map, target: Bools, rows: Cells, columns: Cells, normals: F
     return behind
 
 
-def _outside(grid: Map, target: Bools, pose: Pose) -> Bools:
-    """(SIZE, SIZE) what can be reached from the drone without crossing the target's wall."""
-    labels = cv2.connectedComponents((~target).astype(np.uint8), connectivity=4)[1]
+def _outside(grid: Map, target: Bools, pose: Pose, rows: Cells, columns: Cells) -> Bools:
+    """(N,) which cells can be reached from the drone without crossing the target's wall."""
     cell = int(cells_of(grid, np.array([[pose.x, pose.y]]))[0])
-    out: Bools = labels == labels.reshape(-1)[cell] if cell >= 0 else np.ones_like(target)
+    if cell < 0:
+        return np.ones(len(rows), bool)
+    asked = target.copy()
+    asked[rows, columns] = True
+    asked[cell // SIZE, cell % SIZE] = True
+    part = part_about(asked, 1)
+    labels = cv2.connectedComponents((~target[part]).astype(np.uint8), connectivity=4)[1]
+    top, left = part[0].start, part[1].start
+    out: Bools = labels[rows - top, columns - left] == labels[cell // SIZE - top, cell % SIZE - left]
     return out
 
 

@@ -21,6 +21,10 @@ _CARVE_M = 40.0
 _FILL_STEP_M = 0.3
 
 
+Part = tuple[slice, slice]
+"""A rectangle of the map: of its rows, of its columns."""
+
+
 class Map(NamedTuple):
     """All planes are (SIZE, SIZE). `west_m`, `south_m`: the grid's corner, ENU.
 
@@ -88,6 +92,16 @@ def from_turns(turns: Bytes) -> Floats:
     return np.stack((np.cos(angle), np.sin(angle)), axis=1)
 
 
+def part_about(cells: Bools, margin: int) -> Part:
+    """The rectangle about all of the cells, so many more on each side as there are; empty where there are none. Most
+    of the map lies far from what a question is about."""
+    rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+    if not len(rows):
+        return np.s_[0:0, 0:0]
+    top, left = max(0, int(rows[0]) - margin), max(0, int(columns[0]) - margin)
+    return np.s_[top : int(rows[-1]) + margin + 1, left : int(columns[-1]) + margin + 1]
+
+
 def carve(grid: Map, scan: Scan) -> None:
     """Clears, in place, what the scan looked through.
 
@@ -103,21 +117,26 @@ def carve(grid: Map, scan: Scan) -> None:
         return
     dx = grid.west_m + (columns + 0.5) * CELL_M - scan.pose.x
     dy = grid.south_m + (rows + 0.5) * CELL_M - scan.pose.y
-    away = np.hypot(dx[None, :], dy[:, None])
-    bearing = np.degrees(scan.pose.yaw - np.arctan2(dy[:, None], dx[None, :]))
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    state, body = grid.state[part], grid.body[part]
+    near = dx[None, :] ** 2 + dy[:, None] ** 2 <= _CARVE_M**2
+    row, column = np.nonzero(((state != FREE) | body) & near)  # the others have nothing to clear
+    dx, dy = dx[column], dy[row]
+    away = np.hypot(dx, dy)
+    bearing = np.degrees(scan.pose.yaw - np.arctan2(dy, dx))
     bearing = np.mod(bearing + 180.0, 360.0) - 180.0
     spread = np.degrees(np.arcsin(np.minimum(1.0, 0.36 / np.maximum(away, 0.36))))
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     seen_to = _least_within(scan.range_m, bearing, spread)
-    clear = (away + 0.55 < seen_to) & (away <= _CARVE_M)
-    beyond = (away + 1.1 < seen_to) & (away <= _CARVE_M)
-    state = grid.state[part]
-    state[clear & (state == UNKNOWN)] = FREE
-    wiped = beyond & (state == OCCUPIED)
-    state[wiped] = FREE
-    grid.inspected[part][wiped] = False
-    body = grid.body[part]
-    body[(away + 1.1 < _least_within(scan.body_m, bearing, spread)) & (away <= _CARVE_M)] = False
+    was = state[row, column]
+    clear = (away + 0.55 < seen_to) & (was == UNKNOWN)
+    wiped = (away + 1.1 < seen_to) & (was == OCCUPIED)
+    freed = clear | wiped
+    state[row[freed], column[freed]] = FREE
+    grid.inspected[part][row[wiped], column[wiped]] = False
+    solid = body[row, column]
+    row, column, away = row[solid], column[solid], away[solid]
+    gone = away + 1.1 < _least_within(scan.body_m, bearing[solid], spread[solid])
+    body[row[gone], column[gone]] = False
 
 
 def draw_hits(grid: Map, scan: Scan, runs: Cells, normals: Floats, good: Bools, map_range_m: float) -> None:

@@ -7,7 +7,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.explorer.map import CELL_M, FREE, OCCUPIED, SIZE, UNKNOWN, Cells, Map, cells_of, from_turns, middles_of
+from navigation.explorer.map import (
+    CELL_M,
+    FREE,
+    OCCUPIED,
+    SIZE,
+    UNKNOWN,
+    Cells,
+    Map,
+    cells_of,
+    from_turns,
+    middles_of,
+    part_about,
+)
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -23,6 +35,7 @@ _STEPS = [
 _OFFSETS = np.array([down * _WIDE + right for down, right in _STEPS], np.intp)
 _LENGTHS_M = np.array([math.hypot(down, right) * NODE_M for down, right in _STEPS])
 _SIGHT_SAMPLES = 16
+_FAR_M = 20.0
 MAX_PLACES = 192
 MAX_PIECES = 256
 
@@ -36,24 +49,38 @@ class Reach(NamedTuple):
 
 
 def clearance_m(grid: Map) -> Floats:
-    """(SIZE, SIZE) distance of each cell to the nearest that stands in the drone's way."""
-    free = ((grid.state != OCCUPIED) & ~grid.body).astype(np.uint8)
-    if free.all():
-        return np.full((SIZE, SIZE), SIZE * CELL_M)
-    far: Floats = cv2.distanceTransform(free, cv2.DIST_L2, 5).astype(np.float64) * CELL_M
-    return far
+    """(SIZE, SIZE) distance of each cell to the nearest that stands in the drone's way; the map's width where that is
+    farther than 20 m."""
+    clear = np.full((SIZE, SIZE), SIZE * CELL_M)
+    standing = (grid.state == OCCUPIED) | grid.body
+    part = part_about(standing, round(_FAR_M / CELL_M))
+    if clear[part].size:
+        clear[part] = _away_m(standing[part])
+    return clear
 
 
 def wall_from(grid: Map, x: float, y: float, along: tuple[float, float], length_m: float, half_width_m: float) -> Bools:
     """(SIZE, SIZE) the cells within `half_width_m` of a straight line of `length_m` from (x, y)."""
-    line = np.ones((SIZE, SIZE), np.uint8)
+    line = np.zeros((SIZE, SIZE), bool)
     places = np.array((x, y)) + np.arange(0.0, length_m, CELL_M / 2)[:, None] * np.array(along)
     cells = cells_of(grid, places)
-    line.reshape(-1)[cells[cells >= 0]] = 0
-    if line.all():
-        return np.zeros((SIZE, SIZE), bool)
-    out: Bools = cv2.distanceTransform(line, cv2.DIST_L2, 5) * CELL_M <= half_width_m
+    line.reshape(-1)[cells[cells >= 0]] = True
+    return _within(line, half_width_m)
+
+
+def _within(cells: Bools, reach_m: float) -> Bools:
+    """(SIZE, SIZE) what lies no farther than that from any of the cells."""
+    out = np.zeros_like(cells)
+    part = part_about(cells, math.ceil(reach_m / CELL_M) + 1)
+    if cells[part].size:
+        out[part] = _away_m(cells[part]) <= reach_m
     return out
+
+
+def _away_m(cells: Bools) -> Floats:
+    """Distance of each cell to the nearest of these, of which there is at least one."""
+    cells_away = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, 5)
+    return cells_away.astype(np.float64) * CELL_M
 
 
 class Room(NamedTuple):
@@ -110,7 +137,10 @@ def spread(cost: Floats, start: int, limit_m: float) -> Reach:
         order = np.argsort(-price, kind="stable")  # of several ways to a node the cheapest is written last
         far[to[order]] = price[order]
         parent[to[order]] = origin[order]
-        pending = np.unique(np.concatenate((pending, to)))
+        pending = np.sort(np.concatenate((pending, to)))
+        fresh = np.ones(len(pending), bool)
+        fresh[1:] = pending[1:] != pending[:-1]
+        pending = pending[fresh]
     far[~settled] = np.inf
     return Reach(start, far, parent)
 
@@ -138,10 +168,7 @@ def places_of(grid: Map, nodes: Cells) -> Floats:
 
 def near_nodes(mask: Bools, within_m: float) -> Bools:
     """(padded,) nodes no farther than that from any cell of the mask."""
-    if not mask.any():
-        return np.zeros(_WIDE * _WIDE, bool)
-    away = cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M <= within_m
-    out: Bools = np.pad(away[::STRIDE, ::STRIDE], _PAD).reshape(-1)
+    out: Bools = np.pad(_within(mask, within_m)[::STRIDE, ::STRIDE], _PAD).reshape(-1)
     return out
 
 

@@ -19,6 +19,7 @@ from navigation.explorer.map import (
     empty_map,
     from_turns,
     middles_of,
+    part_about,
     to_turns,
 )
 from navigation.explorer.scan import Scan, panorama
@@ -102,3 +103,13 @@ def test_returns_beyond_the_map_are_left_out() -> None:
     grid = _drawn(empty_map(-105.0, 0.0), _scan([WALL]))
     assert grid.state.shape == (SIZE, SIZE)
     _drawn(empty_map(-200.0, 0.0), _scan([WALL]))
+
+
+def test_the_part_about_cells_holds_them_with_a_margin_and_ends_at_the_maps_border() -> None:
+    cells = np.zeros((SIZE, SIZE), bool)
+    assert not cells[part_about(cells, 3)].size
+    cells[5, 100] = cells[9, 437] = True
+    rows, columns = part_about(cells, 7)
+    assert (rows.start, columns.start) == (0, 93)
+    assert cells[rows, columns].shape == (17, SIZE - 93)
+    assert cells[rows, columns].sum() == 2

@@ -3,6 +3,7 @@
 import heapq
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -123,3 +124,14 @@ def test_the_edge_of_the_map_is_no_way_out() -> None:
     reach, _ = _spread(grid, (108.0, 0.0), 12.0)
     places = path.places_of(grid, np.flatnonzero(np.isfinite(reach.cost_m)))
     assert places[:, 0].max() <= 110.0
+
+
+def test_the_clearance_is_right_as_far_as_it_is_asked_for_and_wide_open_beyond() -> None:
+    grid = _field((0.0, 10.0, 4.0, 12.0), (-30.0, -5.0, -29.0, 40.0))
+    grid.body.reshape(-1)[cells_of(grid, np.array([[20.1, 3.1]]))] = True
+    standing = (grid.state == OCCUPIED) | grid.body
+    exact = cv2.distanceTransform((~standing).astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
+    clear = path.clearance_m(grid)
+    assert np.array_equal(clear[exact <= 20.0], exact[exact <= 20.0])
+    assert (clear[exact > 20.0] > 20.0).all()
+    assert (path.clearance_m(empty_map(0.0, 0.0)) > 20.0).all()
