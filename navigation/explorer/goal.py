@@ -69,6 +69,12 @@ def choose_goal(
     return None
 
 
+def pick(score: Floats, worth: Floats, seen: Bools) -> int:
+    """Which place: score (P,) is gain / price, negative where the nearest piece is not seen; `worth` (P,) the same
+    whatever is seen, seen (P, U) which pieces. The study of ties puts other choices in its place."""
+    return int(score.argmax())
+
+
 def _best_place(
     grid: Map,
     reach: path.Reach,
@@ -113,8 +119,8 @@ def _best_place(
     nearest = np.flatnonzero(seen[0])[np.hypot(away[:, 0], away[:, 1]).argmin()]
     off = clear.reshape(-1)[cells_of(grid, path.places_of(grid, place))] - settings.way_clearance_m
     price = cost + settings.stand_off_cost * np.clip(off, 0.0, settings.inspect_range_m) + settings.gain_bias_m
-    score = np.where(seen[:, nearest], gain / price, -1.0)
-    best = int(score.argmax())
+    worth_m = gain / price
+    best = pick(np.where(seen[:, nearest], worth_m, -1.0), worth_m, seen)
     way = path.way_to(grid, reach, int(place[best]))
     if not len(way):
         way = path.places_of(grid, place[best : best + 1])
