@@ -5,8 +5,9 @@ import contextlib
 import os
 import signal
 import sys
+from collections.abc import Callable, Coroutine
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from pydantic import ValidationError
 
@@ -120,6 +121,18 @@ class Hand(Pipe):
         if record.task != task.id:
             raise WorkerBroke(f"it answered {task.id} with a result of {record.task}")
         return record
+
+
+async def all_at_work(work: Callable[[int], Coroutine[Any, Any, None]], count: int) -> None:
+    """`work(1)` to `work(count)` side by side. Where one fails, or this is cancelled, the others are ended as well, and
+    waited for. Raises what the first of them raised."""
+    crew = [asyncio.create_task(work(number)) for number in range(1, count + 1)]
+    try:
+        await asyncio.gather(*crew)
+    finally:
+        for member in crew:
+            member.cancel()
+        await asyncio.gather(*crew, return_exceptions=True)
 
 
 def broken_episode(task: Task, started: str, wall_s: float, why: str) -> EpisodeRecord:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from orchestrator.record import now, write_whole
-from vld.bench.crew import Hand, Member, WorkerBroke, WorkerCantStart, broken_episode
+from vld.bench.crew import Hand, Member, WorkerBroke, WorkerCantStart, all_at_work, broken_episode
 from vld.bench.folder import RunFolder
 from vld.bench.table import write_parquet
 from vld.bench.worker import Job, Order
@@ -64,14 +64,9 @@ class Run:
         """Raises CannotRun."""
         self._began = time.perf_counter()
         self._tell(None)
-        count = min(self._workers, len(self._pending))
-        crew = [asyncio.create_task(self._work(number)) for number in range(1, count + 1)]
         try:
-            await asyncio.gather(*crew)
+            await all_at_work(self._work, min(self._workers, len(self._pending)))
         finally:
-            for member in crew:
-                member.cancel()
-            await asyncio.gather(*crew, return_exceptions=True)
             self._folder.note_wall(self._session_s)
 
     def conclude(self) -> Summary:

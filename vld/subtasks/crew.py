@@ -8,7 +8,7 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from vld.bench.crew import Pipe, WorkerBroke, WorkerCantStart
+from vld.bench.crew import Pipe, WorkerBroke, WorkerCantStart, all_at_work
 from vld.records import Task
 from vld.subtasks.run import Asked
 from vld.subtasks.worker import AskJob, AskOrder
@@ -74,13 +74,7 @@ async def ask_all(
             # not to be left half done by a second Ctrl-C: services would stay behind
             await asyncio.shield(worker.stop())
 
-    crew = [asyncio.create_task(work(number)) for number in range(1, min(workers, len(tasks)) + 1)]
-    try:
-        await asyncio.gather(*crew)
-    finally:
-        for member in crew:
-            member.cancel()
-        await asyncio.gather(*crew, return_exceptions=True)
+    await all_at_work(work, min(workers, len(tasks)))
     return [answers[task.id] for task in tasks]
 
 

@@ -149,7 +149,7 @@ def test_a_run_interrupted_killed_and_robbed_of_a_service_has_every_result_once(
     wait_for(lambda: len(results(folder)) >= 1)
     theirs = descendants(run.pid)
     run.send_signal(signal.SIGINT)
-    _, err = run.communicate(timeout=60)
+    _, err = run.communicate(timeout=180)
     assert run.returncode == 130
     assert "goes on" in err
     assert not any(map(alive, theirs)), "an interrupted run leaves services behind"

@@ -13,7 +13,8 @@ import pytest
 from contracts.orchestrator import MissionSettings
 from orchestrator.processes import Child
 from tests.vld.bench.test_run_folder import TASKS, record, settings
-from vld.bench.crew import WorkerBroke, WorkerCantStart
+from tests.vld.scripted_member import ScriptedMember
+from vld.bench.crew import WorkerBroke
 from vld.bench.folder import RunFolder
 from vld.bench.run import MAX_BROKEN_IN_A_ROW, CannotRun, Run, Standing
 from vld.bench.worker import Job, Order, who_ended
@@ -22,20 +23,13 @@ from vld.records import EpisodeRecord
 JOB = Job(folder="", logs="", mission=MissionSettings(), backend="oracle")
 
 
-class ScriptedWorker:
-    """Flies in no time; breaks at the tasks in `breaks`, can't start after `starts` starts."""
+class ScriptedWorker(ScriptedMember):
+    """Flies in no time; breaks at the tasks in `breaks`."""
 
     def __init__(self, flown: list[Order], breaks: set[str], starts: int = 100) -> None:
+        super().__init__(starts)
         self._flown = flown
         self._breaks = breaks
-        self._starts = starts
-        self.running = False
-
-    async def start(self) -> None:
-        if self._starts == 0:
-            raise WorkerCantStart("no port is free")
-        self._starts -= 1
-        self.running = True
 
     async def fly(self, order: Order) -> EpisodeRecord:
         assert self.running
@@ -45,9 +39,6 @@ class ScriptedWorker:
             self.running = False
             raise WorkerBroke("its process ended with signal 9")
         return record(order.task)
-
-    async def stop(self) -> None:
-        self.running = False
 
 
 def run_in(folder: RunFolder, hire: Callable[[], ScriptedWorker], workers: int, heard: list[Standing]) -> Run:

@@ -10,7 +10,8 @@ from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import ModelCalls
 from contracts.sim import TruthView
 from tests.vld.evaluation_kit import a_task
-from vld.bench.crew import WorkerBroke, WorkerCantStart
+from tests.vld.scripted_member import ScriptedMember
+from vld.bench.crew import WorkerBroke
 from vld.records import Task
 from vld.subtasks import choice, floors, parse, recognition
 from vld.subtasks.crew import TRIES, CannotAsk, ask_all
@@ -21,21 +22,14 @@ JOB = AskJob(subtask="parse", plan=Plan("embedded"), logs="nowhere")
 TASKS = [a_task(f"t-{n}") for n in range(7)]
 
 
-class ScriptedAsker:
+class ScriptedAsker(ScriptedMember):
     """Answers in no time, later tasks sooner; breaks at the tasks in `breaks` as often as they say."""
 
     def __init__(self, asked: list[str], breaks: dict[str, int], problem: str | None = None, starts: int = 99) -> None:
+        super().__init__(starts)
         self._asked = asked
         self._breaks = breaks
         self._problem = problem
-        self._starts = starts
-        self.running = False
-
-    async def start(self) -> None:
-        if self._starts == 0:
-            raise WorkerCantStart("no port is free")
-        self._starts -= 1
-        self.running = True
 
     async def ask_about(self, task: Task) -> Asked:
         assert self.running
@@ -46,9 +40,6 @@ class ScriptedAsker:
             raise WorkerBroke("its process ended with signal 9")
         right = parse.Parsed(task.style, task.floor, task.object, task.floor, task.object)
         return Asked(task=task.id, parsed=(right,), problem=self._problem, calls=ModelCalls(calls=1))
-
-    async def stop(self) -> None:
-        self.running = False
 
 
 async def ask(workers: int, crew: list[ScriptedAsker], heard: list[int] | None = None) -> list[Asked]:
