@@ -19,6 +19,7 @@ from orchestrator import sample_library
 from orchestrator.calibrate.ask import Calibration, advice, calibrate, in_words
 from orchestrator.calibrate.fit import Convention
 from orchestrator.processes import PORTS, Processes, free_ports, is_free
+from orchestrator.wording import counted
 from service_kit.client import ServiceClient
 
 ENOUGH_DISK_BYTES = 1 << 30
@@ -175,7 +176,7 @@ async def calibrate_with(
             "vlm_gateway", gateway, timeout_s=CALIBRATION_TIMEOUT_S, token=environment.get("GATEWAY_TOKEN")
         )
         await stack.enter_async_context(client)
-        console.print(f"showing {model} {rounds} picture{'s' if rounds > 1 else ''} of six shapes", style="dim")
+        console.print(f"showing {model} {counted(rounds, 'picture')} of six shapes", style="dim")
         return await calibrate(client, model, rounds)
 
 

@@ -7,9 +7,10 @@ from typing import NamedTuple, get_args
 
 from contracts.orchestrator import Event
 from orchestrator.record import read_events
+from orchestrator.wording import counted
 from vld.metrics.floor_localization import height_error_m
 from vld.records import EpisodeRecord, Reason, Task
-from vld.report.markup import Html, counted, join, number, tag
+from vld.report.markup import Html, join, number, tag
 from vld.report.pictures import DEFAULT_BYTES, Album, Shown, evidence, most_telling
 from vld.report.plan import flight_of, height_profile, plan_key, plan_view
 from vld.report.runs import Run

@@ -5,10 +5,11 @@ from importlib.resources import files
 from typing import get_args
 
 from contracts.scene import BuildingKind
+from orchestrator.wording import counted
 from vld.records import Reason
 from vld.report import charts
 from vld.report.failures import REASONS, failures_of, gallery
-from vld.report.markup import Html, counted, interval, join, number, percent, tag
+from vld.report.markup import Html, interval, join, number, percent, tag
 from vld.report.pictures import DEFAULT_BYTES
 from vld.report.runs import Run
 from vld.report.sections import compared, each_role_alone, models

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from itertools import combinations
 
+from orchestrator.wording import counted
 from vld.report import charts
-from vld.report.markup import Html, counted, join, number, p_value, tag
+from vld.report.markup import Html, join, number, p_value, tag
 from vld.report.runs import Run
 from vld.report.tables import against
 from vld.summary import Change
