@@ -156,7 +156,8 @@ def _ways(start: Place, stop: Place, target: Target, settings: Settings) -> Iter
 def _aside(
     start: Place, target: Target, points: Points, views: Sequence[DepthView], pose: Pose, settings: Settings
 ) -> tuple[Place, ...]:
-    """The shortest free way to another place that sees the thing, itself included; empty where there is none.
+    """The straight way, its start included, to the nearest place that sees the thing from another side and that
+    nothing is in the way of; empty where there is none.
 
     The normal may be that of a balcony's side or of the neighbouring wall: from another side, the right one shows.
     """
@@ -171,10 +172,10 @@ def _aside(
             places.append(
                 Place(target.place.x + out * math.cos(angle), target.place.y + out * math.sin(angle), start.z)
             )
+    thin = settings._replace(drone_radius_m=0.1, clearance_m=0.0)
     for place in sorted(places, key=lambda p: math.dist(p, start)):
         way = (start, place)
         before = _towards(target.place, place, _BEFORE_THING_M)
-        thin = settings._replace(drone_radius_m=0.1, clearance_m=0.0)
         if (
             _is_free(way, points, settings)
             and _is_seen(way, views, pose, settings)
@@ -236,8 +237,7 @@ def _cut(way: tuple[Place, ...], max_leg_m: float) -> tuple[tuple[Place, ...], b
     for a, b in pairwise(way):
         length = math.dist(a, b)
         if length > left:
-            share = left / length
-            path.append(Place(*(p + (q - p) * share for p, q in zip(a, b, strict=True))))
+            path.append(_towards(a, b, left))
             return tuple(path), False
         path.append(b)
         left -= length
