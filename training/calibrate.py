@@ -24,8 +24,6 @@ ORDERS = 4
 ROWS = tuple(round(0.1 + 0.02 * k, 2) for k in range(21))
 """Thresholds for a row of windows that are tried."""
 _POINTS = 24
-
-
 PLAIN = Calibration(score=(0.0, 1.0), probability=(0.0, 1.0))
 """Before anything is known: the score itself."""
 

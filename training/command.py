@@ -12,7 +12,6 @@ from pathlib import Path
 from training.progress import progress
 
 DEFAULT_HOME = Path("runs/training")
-CONTEXT, LEAST_PX = 1.6, 24.0
 VERSION = "2"
 LEAST_CLAIM = 0.5
 """Whatever is less sure is more likely wrong than right."""
@@ -96,7 +95,7 @@ def fit_namer(home: Path, steps: int, until: int | None, threads: int) -> None:
     import torch
 
     from training import fit_namer as fitting
-    from training.crop_store import collect
+    from training.crop_store import CONTEXT, LEAST_PX, collect
     from training.fit_proposer import proposer_of
     from training.render import colour_numbers, kind_numbers
     from training.shards import shards

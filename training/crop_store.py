@@ -12,6 +12,8 @@ from services.vlm_gateway.embedded.crops import crop_squares, cut_crops
 from training.pieces import shaded
 from training.shards import Picture, Shard, read
 
+CONTEXT, LEAST_PX = 1.6, 24.0
+"""The namer's square: so much wider than the box, and no smaller than this."""
 KEPT_PX = 96
 ROOM = 1.5
 """The kept square is so much wider than the namer's, so that it can be moved and resized."""

@@ -16,11 +16,12 @@ from services.vlm_gateway.embedded.exported import (
     Proposing,
 )
 from training.calibrate import PLAIN
+from training.crop_store import CONTEXT, LEAST_PX
 from training.nets import Namer, Proposer, ProposerAnswer
 from training.render import colour_numbers, kind_numbers
 
 OPSET = 17
-CONTEXT, LEAST_PX, CROP_PX = 1.6, 24.0, 64
+CROP_PX = 64
 
 
 def smoothed(checkpoint: Path, net: nn.Module) -> nn.Module:
