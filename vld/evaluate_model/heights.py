@@ -14,6 +14,7 @@ from navigation.floor_localization import (
     corrected,
     decide,
     direct_count,
+    down_to_ground,
 )
 from vld.evaluate_model.asking import Answers, Counted
 from vld.evaluate_model.cases import Case, Front
@@ -68,9 +69,9 @@ def stepwise_m(case: Case, counts: Mapping[int, Told]) -> float | None:
         floors, rows = counts.get(number, Told(None))
         here = band(number, band_span_m(front.stand_off_m, VERTICAL_FOV_RAD))
         seen = WindowRows(rows, front.camera_m, front.stand_off_m, VERTICAL_FOV_RAD) if rows else None
-        if seen is not None and below is not None:
-            seen = seen._replace(rows=across_edge(seen, below, here.lower_m))
-            floors = len(seen.rows)
+        if seen is not None and (below is not None or number == 1):
+            rows = down_to_ground(seen) if below is None else across_edge(seen, below, here.lower_m)
+            seen, floors = seen._replace(rows=rows), len(rows)
         decision = decide(here, counted, floors, case.floor, front.facade_top_m, _EQ3)
         if isinstance(decision, FinalHeight):
             return (decision if seen is None else corrected(decision, case.floor, seen, _EQ3)).height_m
