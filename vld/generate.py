@@ -5,7 +5,7 @@ the seeds from 200,000; what a model is fitted to takes those below.
 """
 
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, get_args
 
 import numpy as np
@@ -91,20 +91,13 @@ def _seed_of(plan: BuildingPlan, rank: int, attempt: int) -> int:
     return plan.seed + 401 + (_ATTEMPTS - _FIRST_ATTEMPTS) * (rank % 18) + attempt - _FIRST_ATTEMPTS
 
 
-def generate(
-    seed: int,
-    count: int,
-    prefix: str,
-    simulator: SimClient,
-    progress: Callable[[Task], None] | None = None,
-) -> list[Task]:
-    """A whole set, in the order of its numbers. Raises ValueError, CannotGenerate, SimulatorFault."""
+def generate(wanted: Sequence[Wanted], prefix: str, simulator: SimClient, made: Callable[[], None]) -> list[Task]:
+    """A whole set, in the order of its numbers; `made` is called after each. Raises CannotGenerate, SimulatorFault."""
     catalogue = simulator.catalogue()
     tasks = []
-    for wanted in wanted_tasks(seed, count):
-        tasks.append(make_task(wanted, prefix, simulator, catalogue))
-        if progress is not None:
-            progress(tasks[-1])
+    for one in wanted:
+        tasks.append(make_task(one, prefix, simulator, catalogue))
+        made()
     return tasks
 
 

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
 from vld.absent import without_objects
-from vld.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate
+from vld.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate, wanted_tasks
 from vld.sim_client import SimulatorFault, own_simulator
 from vld.tasks import BadTasks, TaskSet, lines_of, load, packed, read
 
@@ -113,7 +113,8 @@ def stats(
 def generated(seed: int, count: int, console: Console, name: str | None = None) -> TaskSet:
     """A fresh set, with a progress bar. Raises ValueError, CannotGenerate, SimulatorFault."""
     prefix = name or f"s{seed}"
+    wanted = wanted_tasks(seed, count)  # before a simulator is started for what can't be made
     with bar(console) as progress, own_simulator() as simulator:
         job = progress.add_task("making tasks", total=count)
-        tasks = generate(seed, count, prefix, simulator, lambda _: progress.advance(job))
+        tasks = generate(wanted, prefix, simulator, lambda: progress.advance(job))
     return read(lines_of(tasks), f"seed {seed}, count {count}")
