@@ -1,6 +1,8 @@
-"""A street of plain boxes: what the simulator's own tests fly in, built in milliseconds."""
+"""A street of plain boxes: what the simulator's own tests fly in, built in milliseconds; and simulators over HTTP."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,12 +10,18 @@ import pytest
 from contracts.geometry import Point2, Point3
 from contracts.scene import BalconyPlan, Building, FreePlace, Ground, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import wall_height_m, window_slot
+from services.sim.app import build_app
+from services.sim.episodes import Episodes, Limits
 from services.sim.geometry import solids
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.scene_mesh import Chunk, Part, PartKind, SceneMesh, Solid, UnknownObject
 from services.sim.geometry.textures import base_textures
+from services.sim.render.choice import choose_renderer
+from services.sim.render.thread import RenderThread
+from tests.services.sim.running_sim import CATALOGUE, Builder, Simulator
 
 CUBE_M = 0.5
+ROOMY = Limits()
 KINDS = {"flower_pot": ("green", "red")}
 
 
@@ -120,3 +128,31 @@ def yard_with() -> Callable[..., Scene]:
 @pytest.fixture(scope="session")
 def box_builder() -> Callable[[Scene], SceneMesh]:
     return build_boxes
+
+
+@pytest.fixture(scope="module")
+def launch(serve: Callable[[Any], str], box_builder: Builder) -> Iterator[Callable[..., Simulator]]:
+    started: list[Simulator] = []
+
+    def go(
+        limits: Limits = ROOMY,
+        *,
+        truth: bool = True,
+        renderer: str = "auto",
+        builder: Builder = box_builder,
+        thread: RenderThread | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> Simulator:
+        thread = thread or RenderThread(lambda: choose_renderer(renderer))  # type: ignore[arg-type]
+        episodes = Episodes(builder, thread, limits, clock, truth)
+        started.append(Simulator(serve(build_app(episodes, thread, CATALOGUE, truth=truth)), episodes))
+        return started[-1]
+
+    yield go
+    for simulator in started:
+        simulator.http.close()
+
+
+@pytest.fixture(scope="module")
+def sim(launch: Callable[..., Simulator]) -> Simulator:
+    return launch(Limits(max_episodes=100))
