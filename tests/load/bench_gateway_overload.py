@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import aiohttp
 
-from tests.load.bench_gateway import KEY, mock_server, process
 from tests.load.closed_loop import Body, drive
+from tests.load.gateway_peers import KEY, mock_server, process
 from tests.load.open_loop import Call, Sent, paced
 from tests.load.processes import free_port
 

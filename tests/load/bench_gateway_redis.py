@@ -20,7 +20,8 @@ from itertools import count
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.load.bench_gateway import mock_server, process
+from tests.conftest import RedisProcess
+from tests.load.gateway_peers import mock_server, process
 from tests.load.processes import free_port
 
 CHATS = 20
@@ -83,16 +84,14 @@ def run(rounds: int) -> list[Round]:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         os.sched_setaffinity(0, {cores[-1]})
         mock = stack.enter_context(mock_server(cores[-1]))
-        redis_port = free_port()
-        server = ["redis-server", "--port", str(redis_port), "--bind", "127.0.0.1", "--save", "", "--dir", str(folder)]
-        redis = stack.enter_context(subprocess.Popen(server, stdout=subprocess.DEVNULL))
-        stack.callback(redis.terminate)
+        redis = RedisProcess(folder)
+        stack.callback(redis.stop)
         config = folder / "gateway.toml"
         config.write_text(f'[models.m]\nbackend = "chat"\nbase_url = "{mock}/v1"\nmodel = "m"\npreset = "gpt-4o"\n')
         port = free_port()
         environment = {
             "GATEWAY_CONFIG": str(config),
-            "REDIS_URL": f"redis://127.0.0.1:{redis_port}/0",
+            "REDIS_URL": redis.url,
             "PORT": str(port),
             "HOST": "127.0.0.1",
         }
@@ -102,7 +101,7 @@ def run(rounds: int) -> list[Round]:
         caller = Caller(port)
         for _ in range(CHATS):
             caller.chat()
-        return [tried(caller, redis) for _ in range(rounds)]
+        return [tried(caller, redis.process) for _ in range(rounds)]
 
 
 def main() -> None:
