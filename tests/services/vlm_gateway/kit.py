@@ -113,7 +113,7 @@ def post(url: str, path: str, body: Any, **more: Any) -> httpx.Response:
     return httpx.post(url + path, json=body, timeout=60, **more)
 
 
-def wait_until(true: Callable[[], bool], within_s: float = 10.0) -> None:
+def wait_until(true: Callable[[], bool], within_s: float = 60.0) -> None:
     """Returns once it is; fails where it never is."""
     give_up = time.monotonic() + within_s
     while not true():
@@ -130,7 +130,7 @@ def rows(path: Path) -> int:
 def metric(url: str, name: str, **labels: str) -> float:
     """The sum of a metric's samples with these labels, off the service's own page."""
     total = 0.0
-    for line in httpx.get(url + "/metrics").text.splitlines():
+    for line in httpx.get(url + "/metrics", timeout=60).text.splitlines():
         if line.startswith(name + "{") and all(f'{key}="{value}"' in line for key, value in labels.items()):
             total += float(line.rsplit(" ", 1)[1])
     return total

@@ -46,6 +46,16 @@ def says(content: object, *, after_s: float = 0.0, **message: Any) -> Behaviour:
     return sends(json.dumps(completion(content, **message)).encode(), after_s=after_s)
 
 
+def says_when(told: threading.Event, content: object) -> Behaviour:
+    """Answers with this content once it is told to."""
+
+    async def behave(request: web.Request, body: dict[str, Any]) -> web.StreamResponse:
+        await asyncio.to_thread(told.wait, 60)
+        return await says(content)(request, body)
+
+    return behave
+
+
 def sends(body: bytes, *, status: int = 200, kind: str = "application/json", after_s: float = 0.0) -> Behaviour:
     """Answers with these bytes."""
 

@@ -219,7 +219,7 @@ def words(text: str) -> str:
 def test_a_stream_arrives_piece_by_piece_to_its_end(url: str, mock: OpenAiMock) -> None:
     mock.will(streams("one ", "two ", "three", pause_s=0.05))
     pieces = []
-    with httpx.stream("POST", url + PATH, json=chat(stream=True)) as response:
+    with httpx.stream("POST", url + PATH, json=chat(stream=True), timeout=60) as response:
         assert response.headers["content-type"].startswith("text/event-stream")
         pieces = list(response.iter_text())
     assert len(pieces) >= 3
@@ -259,14 +259,14 @@ def test_a_client_that_leaves_ends_the_call_it_alone_waited_for(url: str, mock: 
     with pytest.raises(httpx.ReadTimeout):
         httpx.post(url + PATH, json=chat(temperature=0 if cached else 1), timeout=httpx.Timeout(60, read=2))
     wait_until(lambda: mock.broken_off == 1)
-    wait_until(lambda: httpx.get(url + "/v1/status").json()["models"]["m"]["running"] == 0)
+    wait_until(lambda: httpx.get(url + "/v1/status", timeout=60).json()["models"]["m"]["running"] == 0)
     wait_until(lambda: metric(url, "http_requests_total", status="499") == 1)
     assert metric(url, "vlm_gateway_calls_total", outcome="model_timeout") == 0  # it was not the deadline
 
 
 def test_a_client_that_leaves_a_stream_ends_it_at_the_server_too(url: str, mock: OpenAiMock) -> None:
     mock.will(streams(*["word "] * 400, pause_s=0.05))
-    with httpx.stream("POST", url + PATH, json=chat(stream=True)) as response:
+    with httpx.stream("POST", url + PATH, json=chat(stream=True), timeout=60) as response:
         next(response.iter_text())
     wait_until(lambda: mock.broken_off == 1)
-    wait_until(lambda: httpx.get(url + "/v1/status").json()["models"]["m"]["running"] == 0)
+    wait_until(lambda: httpx.get(url + "/v1/status", timeout=60).json()["models"]["m"]["running"] == 0)

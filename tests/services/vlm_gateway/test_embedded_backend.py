@@ -147,7 +147,7 @@ async def test_health_is_answered_while_the_model_thinks(make: Make, model: Smal
     model.free.clear()
     url = serve(build({"e": make()}).app)
     body = {"image": find_body()["views"][0]["image"]}
-    async with httpx.AsyncClient(timeout=20) as client:
+    async with httpx.AsyncClient(timeout=60) as client:
         asked = asyncio.create_task(client.post(url + "/v1/floor-count", json=body))
         while (await client.get(url + "/v1/status")).json()["models"]["e"]["running"] == 0:
             assert not asked.done()

@@ -22,6 +22,6 @@ def test_out_of_the_box_the_embedded_model_answers_all_four_questions(tmp_path: 
             assert (first["cache"], second["cache"]) == ("miss", "hit")
         unknown = post(gateway.url, "/v1/find-object", find_body(object="qwertyuiop")).json()
         assert (unknown["outcome"], unknown["found"]) == ("refused", None)
-        assert [m["id"] for m in httpx.get(gateway.url + "/v1/models").json()["data"]] == ["embedded"]
+        assert [m["id"] for m in httpx.get(gateway.url + "/v1/models", timeout=60).json()["data"]] == ["embedded"]
         gateway.process.terminate()
         assert gateway.process.wait(20) in (0, -15)

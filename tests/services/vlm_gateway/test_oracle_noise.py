@@ -11,7 +11,7 @@ from services.vlm_gateway.config import NO_NOISE, OracleNoise
 
 BOX = Box(x_min=0.4, y_min=0.4, x_max=0.5, y_max=0.6)
 WALL = Box(x_min=0.1, y_min=0.0, x_max=0.9, y_max=0.8)
-STOPS = 4000
+STOPS = 1500
 
 
 def truth(moves: int = 0, scene: str = "task-1", *objects: VisibleObject) -> Truth:

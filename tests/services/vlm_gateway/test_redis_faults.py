@@ -23,7 +23,7 @@ def url(serve: Serve, mock: OpenAiMock, redis_server: RedisProcess) -> str:
 
 
 def state(url: str) -> str:
-    return str(httpx.get(url + "/v1/status").json()["cache"]["state"])
+    return str(httpx.get(url + "/v1/status", timeout=60).json()["cache"]["state"])
 
 
 def asked_until_hit(url: str, shade: int) -> None:
@@ -52,7 +52,7 @@ def test_killed_and_started_again(url: str, redis_server: RedisProcess) -> None:
     all_answered(url, range(10, 20))
     assert state(url) == "down"
     assert metric(url, "vlm_gateway_cache_failures_total", kind="down") >= 1
-    ready = httpx.get(url + "/readyz")
+    ready = httpx.get(url + "/readyz", timeout=60)
     assert ready.status_code == 200
     assert ready.json()["checks"]["cache"] != "ok"
     redis_server.restart()
@@ -108,7 +108,7 @@ def test_in_replay_a_lost_recording_is_said_and_makes_the_gateway_unready(serve:
     url = serve(build({"m": chat_backend(mock)}, cache=cache, mode="replay").app)
     answer = post(url, PATH, floors_body())
     assert (answer.status_code, answer.json()["error"]["code"]) == (503, "cache_unavailable")
-    assert httpx.get(url + "/readyz").status_code == 503
+    assert httpx.get(url + "/readyz", timeout=60).status_code == 503
     assert mock.asked == []
 
 
@@ -116,7 +116,8 @@ def test_a_password_is_never_shown(serve: Serve, mock: OpenAiMock) -> None:
     port = free_port()
     cache = RedisCache(f"redis://me:hunter2@127.0.0.1:{port}/0", ttl_s=0)
     url = serve(build({"m": chat_backend(mock)}, cache=cache, mode="replay").app)
-    pages = [post(url, PATH, floors_body()), *(httpx.get(url + p) for p in ("/v1/status", "/readyz", "/metrics"))]
+    told = [httpx.get(url + page, timeout=60) for page in ("/v1/status", "/readyz", "/metrics")]
+    pages = [post(url, PATH, floors_body()), *told]
     assert all("hunter2" not in page.text for page in pages)
     with pytest.raises(BadSetting) as raised:
         RedisCache("tcp://me:hunter2@host", ttl_s=0)
@@ -124,5 +125,5 @@ def test_a_password_is_never_shown(serve: Serve, mock: OpenAiMock) -> None:
 
 
 def configure(server: RedisProcess, *command: str) -> None:
-    done = subprocess.run(["redis-cli", "-p", str(server.port), *command], capture_output=True, text=True, timeout=20)
+    done = subprocess.run(["redis-cli", "-p", str(server.port), *command], capture_output=True, text=True, timeout=60)
     assert done.stdout.strip() == "OK", done.stdout + done.stderr

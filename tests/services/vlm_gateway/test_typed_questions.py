@@ -244,14 +244,14 @@ def test_a_malformed_question_is_refused_by_name(serve: Serve, path: str, body: 
 def test_nan_and_broken_json_are_refused(serve: Serve) -> None:
     url = serve(build({"s": scripted()}).app)
     for body in (b'{"image": NaN', b"\xff\xfe", b"", b"[" * 100_000, b'{"image": {"jpeg_base64": 1}}'):
-        answer = httpx.post(url + "/v1/floor-count", content=body)
+        answer = httpx.post(url + "/v1/floor-count", content=body, timeout=60)
         assert (answer.status_code, answer.json()["error"]["code"]) == (422, "invalid")
 
 
 def test_a_gigabyte_is_refused_before_it_is_sent(serve: Serve) -> None:
     url = serve(build({"s": scripted()}).app)
     host, port = url.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port)), timeout=20) as connection:
+    with socket.create_connection((host, int(port)), timeout=60) as connection:
         head = f"POST /v1/find-object HTTP/1.1\r\nHost: {host}\r\nContent-Length: {1 << 30}\r\n\r\n"
         connection.sendall(head.encode())
         answer = connection.recv(4096)
@@ -262,13 +262,13 @@ def test_a_gigabyte_is_refused_before_it_is_sent(serve: Serve) -> None:
 def test_status_models_and_readiness_tell_what_is_there(serve: Serve, mock: OpenAiMock, tmp_path: Path) -> None:
     backends: dict[str, Backend] = {"m": chat_backend(mock, key="sk-1"), "s": scripted()}
     url = serve(build(backends, cache=sqlite_cache(tmp_path)).app)
-    listed = httpx.get(url + "/v1/models").json()
+    listed = httpx.get(url + "/v1/models", timeout=60).json()
     assert [(model["id"], model["chat"]) for model in listed["data"]] == [("m", True), ("s", False)]
-    state = httpx.get(url + "/v1/status")
+    state = httpx.get(url + "/v1/status", timeout=60)
     assert state.json()["models"]["m"]["breaker"] == "closed"
     assert state.json()["cache"]["mode"] == "on"
     assert "sk-1" not in state.text
-    ready = httpx.get(url + "/readyz").json()
+    ready = httpx.get(url + "/readyz", timeout=60).json()
     assert (ready["status"], ready["checks"]["cache"]) == ("ready", "ok")
-    routes = httpx.get(url + "/openapi.json").json()["paths"]
+    routes = httpx.get(url + "/openapi.json", timeout=60).json()["paths"]
     assert "$ref" in str(routes["/v1/find-object"]["post"]["requestBody"])

@@ -141,7 +141,7 @@ def chat(**changes: Any) -> dict[str, Any]:
 
 def ask(url: str, body: dict[str, Any]) -> Seen:
     """One chat. A stream's last event says how it ended."""
-    with httpx.Client(base_url=url, timeout=30) as client:
+    with httpx.Client(base_url=url, timeout=60) as client:
         client.get("/healthz")  # what making a client and a connection costs is not the gateway's
         started = time.perf_counter()
         answer = client.post(PATH, json=body)
@@ -189,7 +189,7 @@ REDIS_FAULTS: list[tuple[str, Callable[[RedisProcess], None]]] = [
 
 
 def _redis(redis: RedisProcess, *command: str) -> None:
-    subprocess.run(["redis-cli", "-p", str(redis.port), *command], check=True, capture_output=True, timeout=20)
+    subprocess.run(["redis-cli", "-p", str(redis.port), *command], check=True, capture_output=True, timeout=60)
 
 
 @contextmanager
@@ -211,7 +211,7 @@ def _gateway(mock: OpenAiMock | None, redis: RedisProcess | None = None) -> Iter
 
 def _cache_in_use(url: str) -> None:
     """Returns once chats are looked up in Redis: on a busy machine its very first reply may have been late."""
-    while httpx.get(url + "/v1/status").json()["cache"]["state"] != "ok":
+    while httpx.get(url + "/v1/status", timeout=60).json()["cache"]["state"] != "ok":
         time.sleep(0.05)
 
 

@@ -47,7 +47,7 @@ def test_nobody_there_is_told_as_unreachable(serve: Serve) -> None:
         seen = ask(url, chat())
         assert (seen.status, seen.word) == (503, "model_unreachable")
     # its pause may be over by now, and then it is half open
-    assert httpx.get(url + "/v1/status").json()["models"]["m"]["breaker"] != "closed"
+    assert httpx.get(url + "/v1/status", timeout=60).json()["models"]["m"]["breaker"] != "closed"
 
 
 @pytest.mark.parametrize("offset", offsets())

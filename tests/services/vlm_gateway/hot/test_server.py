@@ -34,7 +34,7 @@ class Caller:
 
     def __init__(self, url: str) -> None:
         host, port = url.removeprefix("http://").split(":")
-        self.socket = socket.create_connection((host, int(port)), timeout=10)
+        self.socket = socket.create_connection((host, int(port)), timeout=60)
         self._rest = b""
 
     def send(self, *parts: bytes) -> None:
@@ -251,4 +251,4 @@ def test_many_bodies_are_never_mixed_up(caller_of: Calling, url: str, mock: Open
     assert [caller.answer()[0] for caller in callers] == [200] * 20
     firsts = sorted(int(asked.body["messages"][0]["content"].split()[0]) for asked in mock.asked)
     assert firsts == list(range(20))
-    assert httpx.get(url + "/healthz").status_code == 200
+    assert httpx.get(url + "/healthz", timeout=60).status_code == 200
