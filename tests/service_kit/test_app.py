@@ -58,7 +58,10 @@ def error_of(response: httpx.Response) -> tuple[int, str, str]:
 
 
 def test_a_good_question_is_answered(url: str) -> None:
-    assert httpx.post(f"{url}/v1/echo", json={"text": "a", "number": 1.5}).json() == {"text": "a", "number": 1.5}
+    assert httpx.post(f"{url}/v1/echo", json={"text": "a", "number": 1.5}, timeout=60).json() == {
+        "text": "a",
+        "number": 1.5,
+    }
 
 
 @pytest.mark.parametrize(
@@ -72,30 +75,34 @@ def test_a_good_question_is_answered(url: str) -> None:
     ],
 )
 def test_a_bad_question_is_told_what_was_wrong(url: str, body: bytes, words: str) -> None:
-    response = httpx.post(f"{url}/v1/echo", content=body, headers={"content-type": "application/json"})
+    response = httpx.post(f"{url}/v1/echo", content=body, headers={"content-type": "application/json"}, timeout=60)
     status, code, message = error_of(response)
     assert (status, code) == (422, "invalid")
     assert words in message
 
 
 def test_our_errors_keep_their_facts(url: str) -> None:
-    assert error_of(httpx.get(f"{url}/v1/things/cup")) == (409, "conflict", "cup exists already; choose another name")
+    assert error_of(httpx.get(f"{url}/v1/things/cup", timeout=60)) == (
+        409,
+        "conflict",
+        "cup exists already; choose another name",
+    )
 
 
 def test_a_bug_leaves_without_its_words(url: str) -> None:
-    response = httpx.get(f"{url}/v1/things/bug")
+    response = httpx.get(f"{url}/v1/things/bug", timeout=60)
     assert error_of(response)[:2] == (500, "internal")
     assert "hunter2" not in response.text
 
 
 @pytest.mark.parametrize(("method", "path", "status"), [("GET", "/nowhere", 404), ("DELETE", "/v1/echo", 405)])
 def test_what_is_not_there_has_the_same_shape(url: str, method: str, path: str, status: int) -> None:
-    assert error_of(httpx.request(method, url + path))[0] == status
+    assert error_of(httpx.request(method, url + path, timeout=60))[0] == status
 
 
 def test_a_body_that_states_a_gigabyte_is_refused_at_once(url: str) -> None:
     host, port = url.removeprefix("http://").split(":")
-    with socket.create_connection((host, int(port)), timeout=5) as connection:
+    with socket.create_connection((host, int(port)), timeout=60) as connection:
         connection.sendall(b"POST /v1/echo HTTP/1.1\r\nHost: x\r\nContent-Length: 1000000000\r\n\r\n")
         assert b"413" in connection.recv(2000).split(b"\r\n")[0]
 
@@ -111,7 +118,7 @@ def test_a_body_that_grows_without_stating_its_size_is_cut_off(url: str) -> None
             await asyncio.sleep(0)
 
     async def post() -> httpx.Response | None:
-        async with httpx.AsyncClient(timeout=10) as client:
+        async with httpx.AsyncClient(timeout=60) as client:
             try:
                 return await client.post(f"{url}/v1/echo", content=endless())
             except httpx.TransportError:
@@ -123,16 +130,16 @@ def test_a_body_that_grows_without_stating_its_size_is_cut_off(url: str) -> None
 
 
 def test_figures_name_routes_not_ids(url: str) -> None:
-    httpx.get(f"{url}/v1/things/one")
-    page = httpx.get(f"{url}/metrics").text
+    httpx.get(f"{url}/v1/things/one", timeout=60)
+    page = httpx.get(f"{url}/metrics", timeout=60).text
     assert 'http_requests_total{method="GET",route="/v1/things/{thing}",status="409"}' in page
     assert "things/one" not in page
 
 
 def test_health_is_open_and_readiness_says_what_is_missing(serve: Callable[[FastAPI], str]) -> None:
     guarded = serve(echo_app(SECRET))
-    assert httpx.get(f"{guarded}/healthz").json()["status"] == "ok"
-    status, code, message = error_of(httpx.get(f"{guarded}/readyz", timeout=10))
+    assert httpx.get(f"{guarded}/healthz", timeout=60).json()["status"] == "ok"
+    status, code, message = error_of(httpx.get(f"{guarded}/readyz", timeout=60))
     assert (status, code) == (503, "not_ready")
     assert "a: the cupboard is bare" in message
     assert "b: no answer within 2 s" in message
@@ -142,11 +149,13 @@ def test_health_is_open_and_readiness_says_what_is_missing(serve: Callable[[Fast
 def test_a_guarded_service_wants_its_token(serve: Callable[[FastAPI], str], header: str | None) -> None:
     guarded = serve(echo_app(SECRET))
     headers = {"authorization": header} if header else {}
-    refused = httpx.post(f"{guarded}/v1/echo", json={"text": "a", "number": 1}, headers=headers)
+    refused = httpx.post(f"{guarded}/v1/echo", json={"text": "a", "number": 1}, headers=headers, timeout=60)
     assert error_of(refused)[:2] == (401, "unauthorised")
     assert SECRET not in refused.text
     let_in = {"authorization": f"Bearer {SECRET}"}
-    assert httpx.post(f"{guarded}/v1/echo", json={"text": "a", "number": 1}, headers=let_in).status_code == 200
+    assert (
+        httpx.post(f"{guarded}/v1/echo", json={"text": "a", "number": 1}, headers=let_in, timeout=60).status_code == 200
+    )
 
 
 def test_the_question_type_is_in_the_openapi_document(url: str) -> None:
@@ -154,6 +163,6 @@ def test_the_question_type_is_in_the_openapi_document(url: str) -> None:
         paths: dict[str, object]
         components: dict[str, dict[str, object]]
 
-    spec = Spec.model_validate(httpx.get(f"{url}/openapi.json").json())
+    spec = Spec.model_validate(httpx.get(f"{url}/openapi.json", timeout=60).json())
     assert "/v1/echo" in spec.paths
     assert "Echo" in spec.components["schemas"]

@@ -22,7 +22,7 @@ REQUEST = "Please bring my parcel to the fourth floor, the window with the green
 def rules(serve: Callable[[ASGIApp], str]) -> Iterator[httpx.Client]:
     """The service with its defaults; nobody listens where it looks for the gateway."""
     url = serve(bootstrap(Settings({"GATEWAY_URL": "http://127.0.0.1:9"})))
-    with httpx.Client(base_url=url) as client:
+    with httpx.Client(base_url=url, timeout=60) as client:
         yield client
 
 
@@ -98,7 +98,7 @@ def test_answers_are_counted_by_back_end_outcome_and_what_was_missing(rules: htt
 def test_the_named_model_answers_beside_the_default(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
     url = serve(bootstrap(Settings({"GATEWAY_URL": model_server.url})))
     model_server.says('{"floor": 4, "object": "green flower pot"}')
-    answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "r1-distill"}).json()
+    answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "r1-distill"}, timeout=60).json()
     assert (answer["model"], answer["floor"]) == ("r1-distill", 4)
     assert model_server.asked[0]["model"] == "r1-distill"
 
@@ -106,17 +106,17 @@ def test_the_named_model_answers_beside_the_default(serve: Callable[[ASGIApp], s
 def test_an_alias_that_the_gateway_does_not_know_is_a_422(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
     url = serve(bootstrap(Settings({"GATEWAY_URL": model_server.url})))
     model_server.fails(422, "unknown_model", "no chat model 'gpt-9'; chat models: none")
-    answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "gpt-9"})
+    answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "gpt-9"}, timeout=60)
     assert (answer.status_code, answer.json()["error"]["code"]) == (422, "unknown_model")
 
 
 def test_chat_as_the_default_is_ready_only_with_its_gateway(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
     url = serve(bootstrap(Settings({"PARSER_BACKEND": "chat", "GATEWAY_URL": model_server.url})))
-    assert httpx.get(f"{url}/readyz").status_code == 200
+    assert httpx.get(f"{url}/readyz", timeout=60).status_code == 200
     model_server.says('{"floor": 4, "object": "green flower pot"}')
-    assert httpx.post(f"{url}/v1/parse", json={"request": REQUEST}).json()["model"] == "parser"
+    assert httpx.post(f"{url}/v1/parse", json={"request": REQUEST}, timeout=60).json()["model"] == "parser"
     model_server.stop()
-    answer = httpx.get(f"{url}/readyz")
+    answer = httpx.get(f"{url}/readyz", timeout=60)
     assert (answer.status_code, answer.json()["error"]["code"]) == (503, "not_ready")
 
 
@@ -138,7 +138,7 @@ def test_the_service_runs_as_a_process_and_stops_when_told() -> None:
         give_up = time.monotonic() + 30
         while time.monotonic() < give_up:
             try:
-                answer = httpx.post(f"http://127.0.0.1:{port}/v1/parse", json={"request": REQUEST})
+                answer = httpx.post(f"http://127.0.0.1:{port}/v1/parse", json={"request": REQUEST}, timeout=60)
                 break
             except httpx.TransportError:
                 time.sleep(0.05)
