@@ -146,6 +146,14 @@ def decide(
     return Climb(band(here.number + 1, here.upper_m - here.lower_m), current)
 
 
+def rows_of_band(here: WindowRows, below: WindowRows | None, of: Band) -> tuple[float, ...]:
+    """The window rows that count for band `of`, topmost first: told apart from those of the band `below`, or in the
+    first band carried down to the ground. A higher band's come back as they are where nothing was seen below."""
+    if below is not None:
+        return across_edge(here, below, of.lower_m)
+    return down_to_ground(here) if of.number == 1 else here.rows
+
+
 def across_edge(here: WindowRows, below: WindowRows, edge_m: float) -> tuple[float, ...]:
     """The window rows of a band, topmost first, told apart from those of the band below; `edge_m` is where they touch.
 

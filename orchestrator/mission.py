@@ -19,7 +19,6 @@ from orchestrator.ports import ModelUnreachable, PortError, Ports, ServiceRefuse
 from orchestrator.record import Log
 from orchestrator.sighting import Dismissed
 from orchestrator.sortie import Look, MissionEnd, Sortie, spoken
-from orchestrator.wording import counted, with_article
 
 log = logging.getLogger("orchestrator.mission")
 
@@ -96,7 +95,7 @@ class Mission:
         last: Lost | None = None
         leaving: Look | None = None
         for _ in range(MAX_APPROACHES):
-            sortie.enter("explore", f"looking for {with_article(sortie.object or 'object')} on floor {sortie.floor}")
+            sortie.enter("explore", f"looking for {sortie.thing} on floor {sortie.floor}")
             found = await self._found(exploration, leaving, last)
             sortie.enter("approach", f"flying to the {sortie.object} {found.sighting.distance_m:.1f} m away")
             end = await approach(exploration, found)
@@ -113,7 +112,7 @@ class Mission:
                 exploration.dismissed.append(Dismissed(end.place, found.look.pose, found.sighting.match.confidence))
         if last is not None and last.blocked:
             raise _blocked(last)
-        raise MissionEnd("object_not_found", f"{counted(MAX_APPROACHES, 'sighting')} did not stand up to a nearer look")
+        raise MissionEnd("object_not_found", f"{MAX_APPROACHES} sightings did not stand up to a nearer look")
 
     async def _found(self, exploration: Exploration, leaving: Look | None, last: Lost | None) -> Found:
         """The next sighting. One that could not be reached and never came back into sight is the better reason."""

@@ -18,6 +18,7 @@ from contracts.sim import Episode, Move, MoveResult, Observation, SensedView
 from orchestrator.asking import CallBook
 from orchestrator.ports import Ports, ServiceRefused
 from orchestrator.record import Log, Pictures
+from orchestrator.wording import with_article
 
 T = TypeVar("T")
 
@@ -135,6 +136,11 @@ class Sortie:
     """Where each move ended."""
     _moves: int = 0
     _counted_at: int = -1
+
+    @property
+    def thing(self) -> str:
+        """What is looked for, with its article, for a person."""
+        return with_article(self.object or "object")
 
     @property
     def flown(self) -> Episode:

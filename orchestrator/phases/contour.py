@@ -7,7 +7,6 @@ from contracts.depth_assist import ExploreAnswer, ExploreQuestion
 from contracts.geometry import Point3
 from orchestrator.ports import ServiceRefused
 from orchestrator.sortie import Look, MissionEnd, Sortie
-from orchestrator.wording import with_article
 
 Plan = ExploreAnswer | ServiceRefused
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
@@ -56,7 +55,7 @@ class ContourSearch:
         if answer.status == "done":
             raise MissionEnd(
                 "object_not_found",
-                f"no window with {with_article(sortie.object or 'object')} was found; the search is over, with "
+                f"no window with {sortie.thing} was found; the search is over, with "
                 f"{100 * answer.inspected_share:.0f} % of the facade on floor {sortie.floor} inspected",
             )
         if answer.stop is None:

@@ -107,9 +107,7 @@ class Exploration:
             looked += f", with {100 * self.contour.inspected_share:.0f} % of the known facade inspected"
         if self.dismissed:
             looked += f"; {counted(len(self.dismissed), 'sighting')} did not stand up to a nearer look"
-        raise MissionEnd(
-            "object_not_found", f"no window with {with_article(sortie.object or 'object')} was found {looked}"
-        )
+        raise MissionEnd("object_not_found", f"no window with {sortie.thing} was found {looked}")
 
     async def search(
         self, look: Look, what: str, near: Point3 | None = None, onward: Awaitable[Onward] | None = None

@@ -20,13 +20,12 @@ from navigation.floor_localization import (
     Recount,
     Settings,
     WindowRows,
-    across_edge,
     band,
     band_span_m,
     corrected,
     decide,
     direct_count,
-    down_to_ground,
+    rows_of_band,
 )
 from orchestrator.asking import Answered
 from orchestrator.marks import mark_box
@@ -78,7 +77,7 @@ async def go_to_floor(sortie: Sortie) -> None:
 
 async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight:
     """Band after band until eq. 3 gives the height."""
-    counted, silent = 0.0, 0
+    floors_below, silent = 0.0, 0
     below: WindowRows | None = None
     for _ in range(sortie.settings.max_bands + sortie.settings.max_model_failures):
         await _rise(sortie, here.camera_m, f"to the middle of band {here.number}")
@@ -86,7 +85,7 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
         top = facade.facade_top_m(sight.depth_m, stand_off, sight.pose.z, FACADE)
         sight = await _hold(sortie, sight, stand_off, top)
         count = _across_edge(await _count(sortie, sight), sight, here, below, stand_off)
-        decision = decide(here, counted, count.floors, sortie.floor or 1, top, _eq3(sortie))
+        decision = decide(here, floors_below, count.floors, sortie.floor or 1, top, _eq3(sortie))
         if isinstance(decision, FinalHeight):
             decision = _held_against_rows(sortie, decision, sight, count, stand_off)
         _report(sortie, sight, count, here, top, decision)
@@ -95,7 +94,7 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
                 return decision
             case Climb():
                 below = _window_rows(sight, count, 0, stand_off)
-                here, counted = decision.band, decision.floors_counted
+                here, floors_below = decision.band, decision.floors_counted
                 if here.number > sortie.settings.max_bands:
                     break
             case Recount():
@@ -120,9 +119,9 @@ def _across_edge(count: Count, sight: Sight, here: Band, below: WindowRows | Non
     """The count without a floor that the band below had counted, with one that neither saw, or down to the ground with
     those that something hides."""
     seen = _window_rows(sight, count, -1, stand_off)
-    if seen is None or (below is None and here.number > 1):
+    if seen is None:
         return count
-    rows = down_to_ground(seen) if below is None else across_edge(seen, below, here.lower_m)
+    rows = rows_of_band(seen, below, here)
     return count._replace(floors=len(rows), rows=rows)
 
 

@@ -8,13 +8,12 @@ from navigation.floor_localization import (
     FinalHeight,
     Settings,
     WindowRows,
-    across_edge,
     band,
     band_span_m,
     corrected,
     decide,
     direct_count,
-    down_to_ground,
+    rows_of_band,
 )
 from vld.evaluate_model.asking import Answers, Counted
 from vld.evaluate_model.cases import Case, Front
@@ -69,8 +68,8 @@ def stepwise_m(case: Case, counts: Mapping[int, Told]) -> float | None:
         floors, rows = counts.get(number, Told(None))
         here = band(number, band_span_m(front.stand_off_m, VERTICAL_FOV_RAD))
         seen = WindowRows(rows, front.camera_m, front.stand_off_m, VERTICAL_FOV_RAD) if rows else None
-        if seen is not None and (below is not None or number == 1):
-            rows = down_to_ground(seen) if below is None else across_edge(seen, below, here.lower_m)
+        if seen is not None:
+            rows = rows_of_band(seen, below, here)
             seen, floors = seen._replace(rows=rows), len(rows)
         decision = decide(here, counted, floors, case.floor, front.facade_top_m, _EQ3)
         if isinstance(decision, FinalHeight):
