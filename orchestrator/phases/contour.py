@@ -10,8 +10,9 @@ from orchestrator.sortie import Look, MissionEnd, Sortie
 
 Plan = ExploreAnswer | ServiceRefused
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
-ON_FACADE_M = 2.5
-"""What stands in a window or hangs from its sill lies this near to a wall the map knows, drift and all."""
+NEIGHBOUR_M = 8.0
+"""Farther than this from every known wall of the target, a thing is across a street. What stands at the target's own
+windows lies nearer: on such a wall, or on a wing next to it that no look has linked to it yet."""
 
 
 @dataclass
@@ -66,12 +67,11 @@ class ContourSearch:
 
     @staticmethod
     def on_target(plan: Plan, place: Point3) -> bool:
-        """Is that on the building searched, as far as the map goes with this look in it? What is seen on a neighbour,
-        or on a wing no look has linked to the target yet, is not; without a map everything is."""
+        """Is that on the building searched, as its map with this look in it has it? Without a map everything is."""
         if isinstance(plan, ServiceRefused):
             return True
         known = plan.drawing.inspected + plan.drawing.uninspected
-        return any(math.dist(cell, (place.x, place.y)) <= ON_FACADE_M for cell in known)
+        return any(math.dist(cell, (place.x, place.y)) <= NEIGHBOUR_M for cell in known)
 
     async def _ask(self, look: Look) -> ExploreAnswer:
         sortie = self.sortie
