@@ -129,6 +129,8 @@ class Processes:
         environment = self._environment | {
             "HOST": HOST,
             "PORT": str(port),
+            # a process that is killed takes its services along
+            "PARENT_PID": str(os.getpid()),
             "GATEWAY_URL": at.vlm_gateway,
             "LLM_PARSER_URL": at.llm_parser,
             "VLM_GATEWAY_URL": at.vlm_gateway,

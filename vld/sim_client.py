@@ -86,12 +86,12 @@ class SimClient:
 
 @contextmanager
 def own_simulator(start_s: float = 60.0) -> Iterator[SimClient]:
-    """A simulator of one's own on a free port, ended with the block. Raises SimulatorFault."""
+    """A simulator of one's own on a free port, ended with the block, or with this process. Raises SimulatorFault."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
-    environment = {**os.environ, "PORT": str(port), "HOST": "127.0.0.1", "SIM_TRUTH": "on"}
-    process = subprocess.Popen([sys.executable, "-m", "services.sim"], env=environment)
+    own = {"PORT": str(port), "HOST": "127.0.0.1", "SIM_TRUTH": "on", "PARENT_PID": str(os.getpid())}
+    process = subprocess.Popen([sys.executable, "-m", "services.sim"], env=os.environ | own)
     client = SimClient(f"http://127.0.0.1:{port}")
     try:
         until = time.monotonic() + start_s

@@ -7,7 +7,6 @@ output: one Ready, then one EpisodeRecord an order (see vld.bench.serving).
 import asyncio
 import contextlib
 import math
-import os
 import shutil
 import sys
 import time
@@ -157,7 +156,7 @@ class Worker:
         gateway = {"ORACLE_SIM_URL": f"http://127.0.0.1:{ports['sim']}"} if job.backend == "oracle" else {}
         sim = {"SIM_TRUTH": "on"} if job.backend == "oracle" else {}
         self._starts += 1
-        environment = own_environment() | job.environment | {"PARENT_PID": str(os.getpid())}
+        environment = own_environment() | job.environment
         group = Processes(
             ports,
             Path(job.logs) / str(self._starts),

@@ -5,7 +5,6 @@ on standard output: one Ready, then one Asked an order (see vld.bench.serving).
 """
 
 import asyncio
-import os
 import sys
 from pathlib import Path
 
@@ -60,7 +59,7 @@ class Worker:
         extra = {"sim": {"SIM_TRUTH": "on"}, "vlm_gateway": dict(job.gateway)}
         if job.plan.backend == "oracle" and "sim" in ports:
             extra["vlm_gateway"]["ORACLE_SIM_URL"] = f"http://127.0.0.1:{ports['sim']}"
-        environment = own_environment() | job.environment | {"PARENT_PID": str(os.getpid())}
+        environment = own_environment() | job.environment
         # remembered before it is ready, so that whatever interrupts the start stops it
         self._group = Processes(ports, Path(job.logs), environment=environment, extra=extra)
         self._group.start()
