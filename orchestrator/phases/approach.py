@@ -38,17 +38,22 @@ class Lost(NamedTuple):
 async def approach(exploration: Exploration, found: Found) -> Arrived | Lost:
     """Flies to the sighting; back to where it was made if that fails. Raises MissionEnd, PortError."""
     sortie = exploration.sortie
-    trail = [found.look.pose]
+    trail = [_at(found.look.pose)]
     end = await _legs(exploration, found, trail)
     if isinstance(end, Lost):
         sortie.write("lost", end.why, {"place": end.place.model_dump(), "blocked": end.blocked})
-        back = [Point3(x=p.x, y=p.y, z=p.z) for p in reversed(trail[:-1])]
+        back = trail[-2::-1]
         if back:
-            await sortie.fly(back, trail[0].yaw, "back to where the search was left")
+            await sortie.fly(back, found.look.pose.yaw, "back to where the search was left")
     return end
 
 
-async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Arrived | Lost:
+def _at(pose: Pose) -> Point3:
+    return Point3(x=pose.x, y=pose.y, z=pose.z)
+
+
+async def _legs(exploration: Exploration, found: Found, trail: list[Point3]) -> Arrived | Lost:
+    """Adds every corner of the way flown to `trail`: between the ends of a leg something may stand."""
     sortie = exploration.sortie
     settings = sortie.settings.approach
     # at first sight means: looks on the way tell better where it is, but not whether
@@ -85,7 +90,7 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Pose]) -> Ar
         # until the stop is reached, the front camera keeps the thing in sight
         yaw = way.facing_yaw if way.reached else math.atan2(found.place.y - end.y, found.place.x - end.x)
         await sortie.fly(path, yaw, f"leg {leg} of the approach" + (", to another side of it" if way.aside else ""))
-        trail.append(sortie.flown.pose)
+        trail += [*path[:-1], _at(sortie.flown.pose)]
         look = await sortie.look()
         again = await _again(exploration, look, found, f"after leg {leg}")
         if again is not None:
