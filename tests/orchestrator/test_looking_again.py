@@ -5,13 +5,22 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from contracts.depth_assist import ViewpointSettings
-from contracts.geometry import Heading, Pose
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ViewpointSettings
+from contracts.geometry import Heading, Point3, Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings, SightingSettings
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from orchestrator.mission import Mission
-from tests.orchestrator.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
+from orchestrator.ports import Ports
+from tests.orchestrator.box_world import (
+    WHO,
+    Block,
+    BlockVision,
+    BlockWorld,
+    LocalDepthAssist,
+    block_ports,
+    block_scene,
+)
 from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
 
 CLAIM = 0.8
@@ -50,13 +59,17 @@ class DoubtfulVision(BlockVision):
 
 
 async def fly(
-    thing: dict[float, float], impostor: dict[float, float] | None = None, **sightings: object
+    thing: dict[float, float],
+    impostor: dict[float, float] | None = None,
+    depth: LocalDepthAssist | None = None,
+    **sightings: object,
 ) -> tuple[DeliveryResult, Events, DoubtfulVision]:
     world = BlockWorld(BEHIND)
     vision = DoubtfulVision(world, thing=thing, impostor=impostor or {})
     settings = MissionSettings(viewpoint=PAPER, sightings=SightingSettings.model_validate(sightings))
     log = Events()
-    mission = Mission(block_ports(world, vision), settings, log)
+    usual = block_ports(world, vision)
+    mission = Mission(Ports(usual.parser, usual.vision, depth or usual.depth, usual.world), settings, log)
     return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block))), log, vision
 
 
@@ -80,6 +93,30 @@ async def test_a_middling_sighting_that_is_nothing_from_near_is_dropped() -> Non
     result, log, _ = await fly(SURE, {6.0: 0.0, 99.0: 0.7})
     assert result.outcome == "delivered"
     assert "not seen again" in log.of("lost")[0].message
+
+
+class RoundACorner(LocalDepthAssist):
+    """A depth assistant whose ways all have a corner, a metre above their straight middle."""
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        answer = await super().approach(question)
+        if not answer.path:
+            return answer
+        here, end = question.pose, answer.path[-1]
+        corner = Point3(x=(here.x + end.x) / 2, y=(here.y + end.y) / 2, z=here.z + 1.0)
+        return answer.model_copy(update={"path": (corner, end)})
+
+
+async def test_the_way_back_from_a_dropped_candidate_goes_round_every_corner_of_the_way_there() -> None:
+    result, log, _ = await fly(SURE, {6.0: 0.0, 99.0: 0.7}, RoundACorner())
+    assert result.outcome == "delivered"
+    moves = log.of("move")
+    back = next(i for i, move in enumerate(moves) if "back to" in move.message)
+    legs = [move for move in moves[:back] if "of the approach" in move.message]
+    there = [point for leg in legs for point in leg.data["path"]]
+    start = {axis: legs[0].data["from"][axis] for axis in "xyz"}
+    assert moves[back].data["path"] == [*reversed(there[:-1]), start]
+    assert any(point["z"] != start["z"] for point in moves[back].data["path"])
 
 
 async def test_a_dropped_candidate_is_not_flown_to_twice() -> None:
