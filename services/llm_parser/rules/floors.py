@@ -42,7 +42,14 @@ class Floors:
 def find_floors(tokens: list[Token]) -> Floors:
     """Every mention of a floor in `tokens`, scored in its context."""
     found, taken = find_mentions(tokens)
-    return Floors(tuple(_in_context(tokens, found, index) for index in range(len(found))), taken)
+    mentions = [_in_context(tokens, found, index) for index in range(len(found))]
+    wanted = scope.mine_is_the(tokens)
+    if wanted is not None:
+        named = [m for m in mentions if m.score > 0 and m.last <= wanted.at]
+        if len(named) >= 2:
+            # each window was named with its floor: "second" counts windows here, not floors
+            return Floors((wanted.of(named),), taken)
+    return Floors(tuple(mentions), taken)
 
 
 def _in_context(tokens: list[Token], found: tuple[FloorMention, ...], index: int) -> FloorMention:

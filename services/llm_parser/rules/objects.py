@@ -49,11 +49,11 @@ def score_phrases(tokens: list[Token], phrases: list[Phrase], taken: Set[int]) -
     things = [p for p in phrases if _names_thing(tokens, p)][:MOST_THINGS]
     solid = [_is_solid(tokens, p) for p in things]
     scored = [_score(tokens, things, solid, i, taken) for i in range(len(things))]
-    wanted = _mine_is_the(tokens)
+    wanted = scope.mine_is_the(tokens)
     if wanted is not None:
         marked = [i for i, s in enumerate(scored) if s.score > 2.0 or _in_one_other(tokens, s.phrase)]
         if len(marked) >= 2:
-            chosen = marked[wanted if wanted < 0 else min(wanted, len(marked) - 1)]
+            chosen = wanted.of(marked)
             scored[chosen] = replace(scored[chosen], score=scored[chosen].score + 12.0)
     return scored
 
@@ -193,23 +193,6 @@ def _fullest(tokens: list[Token], best: Phrase, scored: list[ScoredPhrase]) -> P
         if s.score > -3.0 and tokens[s.phrase.head].norm == head and set(s.phrase.words) > set(best.words)
     ]
     return max(same, key=lambda p: len(p.words)) if same else best
-
-
-_WHICH = {"first": 0, "former": 0, "second": 1, "latter": 1, "third": 2, "last": -1}
-
-
-def _mine_is_the(tokens: list[Token]) -> int | None:
-    """ "Mine is the second one": which of the marks in order, from 0, or -1 for the last."""
-    for at, token in enumerate(tokens[:-2]):
-        mine = token.norm in ("mine", "ours") or (
-            token.norm in ("window", "flat") and at > 0 and tokens[at - 1].norm in ("my", "our")
-        )
-        said = [t.norm for t in tokens[at + 1 : at + 6]]
-        if mine and said[0] in ("is", "'s") and not set(said) & lex.FLOOR_NOUNS:
-            for word in said[1:3]:
-                if word in _WHICH:
-                    return _WHICH[word]
-    return None
 
 
 def _in_one_other(tokens: list[Token], phrase: Phrase) -> bool:

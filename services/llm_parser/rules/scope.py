@@ -1,12 +1,15 @@
 """Whose is it, is it meant, and is it still so: the context of a mention."""
 
+from collections.abc import Sequence
 from enum import Enum
+from typing import NamedTuple, TypeVar
 
 from services.llm_parser.rules import lexicon as lex
 from services.llm_parser.rules.lexicon import words
 from services.llm_parser.rules.tokens import Kind, Token
 
 REACH = 25
+T = TypeVar("T")
 
 
 class Owner(Enum):
@@ -248,3 +251,30 @@ def _follows_from(tokens: list[Token], at: int, sentence: int) -> bool:
         for t in tokens[max(0, at - 8) : at]
         if t.sentence == sentence
     )
+
+
+_WHICH = {"first": 0, "former": 0, "second": 1, "latter": 1, "third": 2, "last": -1}
+
+
+class Which(NamedTuple):
+    """The customer's in a list of what was named: counted from 0, or -1 for the last; said at token `at`."""
+
+    at: int
+    place: int
+
+    def of(self, named: Sequence[T]) -> T:
+        return named[self.place if self.place < 0 else min(self.place, len(named) - 1)]
+
+
+def mine_is_the(tokens: list[Token]) -> Which | None:
+    """ "Mine is the second one"."""
+    for at, token in enumerate(tokens[:-2]):
+        mine = token.norm in ("mine", "ours") or (
+            token.norm in ("window", "flat") and at > 0 and tokens[at - 1].norm in ("my", "our")
+        )
+        said = [t.norm for t in tokens[at + 1 : at + 6]]
+        if mine and said[0] in ("is", "'s") and not set(said) & lex.FLOOR_NOUNS:
+            for word in said[1:3]:
+                if word in _WHICH:
+                    return Which(at, _WHICH[word])
+    return None

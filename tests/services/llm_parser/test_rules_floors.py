@@ -49,6 +49,10 @@ WAYS = {
     "My neighbour is on the third floor, I'm on the fifth floor": 5,
     "don't go to the second floor, come to the third floor": 3,
     "a 22-storey tower, and I'm on the 13th floor": 13,
+    "One kite is on the second floor, one on the third floor. Mine is the second one.": 3,
+    "One kite is on the second floor, one on the third floor. Mine is the first one.": 2,
+    "One kite is on the first floor, one on the third floor. My window is the last one.": 3,
+    "There is a kite on the eighth floor of the tower. Mine is the first one you see.": 8,
 }
 
 
