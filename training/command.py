@@ -12,9 +12,11 @@ from pathlib import Path
 from training.progress import progress
 
 DEFAULT_HOME = Path("runs/training")
-VERSION = "2"
+VERSION = "3"
 LEAST_CLAIM = 0.5
 """Whatever is less sure is more likely wrong than right."""
+RANGING = 120
+"""Pictures from which the ranges of the proposer's integers are taken."""
 INTERRUPTED = 130
 
 
@@ -135,11 +137,11 @@ def export(home: Path, out: Path | None, version: str) -> dict[str, float]:
     from services.vlm_gateway.embedded.network import Networks
     from training import calibrate, judge, plots
     from training import export as writing
-    from training.shards import shards
+    from training.shards import shards, spread
 
     folder = out or FOLDER
     nets = home / "nets"
-    writing.write_networks(nets, folder)
+    writing.write_networks(nets, folder, spread(list(shards(home / "fit")), RANGING))
     model = writing.plain_model(version)
     networks = Networks(folder)
     looks = list(judge.looks(shards(home / "validation"), networks, model))

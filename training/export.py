@@ -1,9 +1,12 @@
 """From checkpoints to the files that the gateway reads."""
 
 import hashlib
+from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
 from contracts.sim import Catalogue
@@ -17,6 +20,7 @@ from services.vlm_gateway.embedded.exported import (
 )
 from training.calibrate import PLAIN
 from training.crop_store import CONTEXT, LEAST_PX
+from training.int8 import Arranged, quantise
 from training.nets import Namer, Proposer, ProposerAnswer
 from training.render import colour_numbers, kind_numbers
 
@@ -34,7 +38,16 @@ def steps_of(checkpoint: Path) -> int:
     return int(torch.load(checkpoint, weights_only=True, map_location="cpu")["step"])
 
 
-def write_proposer(net: Proposer, path: Path) -> None:
+def write_proposer(net: Proposer, path: Path, pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """In integers, whose ranges come from `pictures`, (H, W, 3) each."""
+    plain = path.with_suffix(".float")
+    write_float_proposer(Arranged(net), plain)
+    quantise(plain, pictures, path)
+    plain.unlink()
+
+
+def write_float_proposer(net: nn.Module, path: Path) -> None:
+    """`net` gives the raw maps of `Proposer`."""
     names = ["objectness", "box", "building", "window", "row"]
     free = {name: {0: "n", name_axes(name): "h", name_axes(name) + 1: "w"} for name in names}
     _export(
@@ -104,12 +117,12 @@ def write_model(model: Exported, folder: Path) -> None:
     (folder / MODEL_FILE).write_text(model.model_dump_json(indent=1) + "\n", encoding="utf-8")
 
 
-def write_networks(nets: Path, folder: Path) -> None:
-    """Both networks as their checkpoints have them."""
+def write_networks(nets: Path, folder: Path, pictures: Iterable[NDArray[np.uint8]]) -> None:
+    """Both networks as their checkpoints have them, the proposer in integers with ranges from `pictures`."""
     folder.mkdir(parents=True, exist_ok=True)
     proposer = smoothed(nets / "proposer.pt", Proposer())
     namer = smoothed(nets / "namer.pt", Namer(len(kind_numbers()), len(colour_numbers())))
     assert isinstance(proposer, Proposer)
     assert isinstance(namer, Namer)
-    write_proposer(proposer, folder / PROPOSER_FILE)
+    write_proposer(proposer, folder / PROPOSER_FILE, pictures)
     write_namer(namer, folder / NAMER_FILE)

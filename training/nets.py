@@ -12,6 +12,8 @@ from torch import Tensor, nn
 STRIDE = 8
 MAPS = 8
 """objectness, four box distances, building, window, row"""
+MIDDLE, SPREAD = 118, 64.0
+"""Of a byte of a picture, as the networks take it."""
 
 
 class ConvUnit(nn.Sequential):
@@ -64,9 +66,9 @@ class Proposer(nn.Module):
 
 
 class ProposerAnswer(nn.Module):
-    """What `proposer.onnx` holds: probabilities, and box distances in pixels."""
+    """What `proposer.onnx` holds: probabilities, and box distances in pixels. `net` gives the raw maps."""
 
-    def __init__(self, net: Proposer) -> None:
+    def __init__(self, net: nn.Module) -> None:
         super().__init__()
         self.net = net
 
@@ -127,16 +129,14 @@ def scaled(pictures: Tensor) -> Tensor:
 class _FromBytes(torch.autograd.Function):
     """Exported as one operation: as three they take a fifth of the proposer's time."""
 
-    MIDDLE, SPREAD = 118, 64.0
-
     @staticmethod
     def forward(_: Any, pixels: Tensor) -> Tensor:
-        return (pixels.to(torch.float32) - _FromBytes.MIDDLE) * (1 / _FromBytes.SPREAD)
+        return (pixels.to(torch.float32) - MIDDLE) * (1 / SPREAD)
 
     @staticmethod
     def symbolic(graph: Any, pixels: Any) -> Any:
-        scale = graph.op("Constant", value_t=torch.tensor(1 / _FromBytes.SPREAD))
-        zero = graph.op("Constant", value_t=torch.tensor(_FromBytes.MIDDLE, dtype=torch.uint8))
+        scale = graph.op("Constant", value_t=torch.tensor(1 / SPREAD))
+        zero = graph.op("Constant", value_t=torch.tensor(MIDDLE, dtype=torch.uint8))
         return graph.op("DequantizeLinear", pixels, scale, zero)
 
 

@@ -108,3 +108,11 @@ def shard_path(folder: Path, seed: int) -> Path:
 def shards(folder: Path) -> Iterator[Path]:
     """Finished files, by seed."""
     yield from sorted(folder.glob("street-*.npz"))
+
+
+def spread(paths: Sequence[Path], count: int) -> Iterator[Picture]:
+    """One picture, (H, W, 3) RGB, of each of `count` shards spread over all of them, of fewer where there are fewer:
+    each time another view of its street."""
+    for number, path in enumerate(paths[:: max(1, len(paths) // count)][:count]):
+        shard = read(path)
+        yield shard.picture(number * 5 % len(shard.jpegs))

@@ -10,7 +10,7 @@ from orchestrator.sortie import Look, MissionEnd, Sortie
 
 Plan = ExploreAnswer | ServiceRefused
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})
-NEIGHBOUR_M = 8.0
+NEIGHBOUR_M = 12.0
 """Farther than this from every known wall of the target, a thing is across a street. What stands at the target's own
 windows lies nearer: on such a wall, or on a wing next to it that no look has linked to it yet."""
 

@@ -16,6 +16,7 @@ from tests.training.test_crops_and_pieces import shard_with
 from training.crop_store import collect
 
 if TYPE_CHECKING:
+    from training.nets import Proposer
     from training.rounds import Plan, Trainer
 
 pytestmark = [pytest.mark.train, pytest.mark.filterwarnings("ignore")]
@@ -68,15 +69,54 @@ def test_an_interrupted_namer_ends_as_one_that_was_not_and_learns(tmp_path: Path
     assert float(log[-1].split('"loss": ')[1].split(",")[0]) < float(log[0].split('"loss": ')[1].split(",")[0])
 
 
+def some_proposer() -> "Proposer":
+    """Its normalisations have seen something, so that folding them into the convolutions matters."""
+    import torch
+
+    from training.nets import Proposer
+
+    torch.manual_seed(1)
+    net = Proposer().train()
+    with torch.no_grad():
+        for _ in range(8):
+            net(torch.randint(0, 256, (2, 128, 128, 3), dtype=torch.uint8))
+    return net.eval()
+
+
+def test_in_integers_the_proposer_answers_nearly_as_it_did(tmp_path: Path) -> None:
+    import onnx
+    import torch
+
+    from training.export import write_proposer
+    from training.nets import ProposerAnswer
+
+    rng = np.random.default_rng(0)
+    blocks = rng.integers(0, 256, (6, 32, 32, 3), dtype=np.uint8)
+    pictures = blocks.repeat(8, axis=1).repeat(8, axis=2)
+    proposer = some_proposer()
+    write_proposer(proposer, tmp_path / "proposer.onnx", pictures[:4])
+    assert [path.name for path in tmp_path.iterdir()] == ["proposer.onnx"]
+    weights = onnx.load(str(tmp_path / "proposer.onnx")).graph.initializer
+    bytes_of = {kind: sum(len(w.raw_data) for w in weights if w.data_type == kind) for kind in (1, 3)}
+    assert bytes_of[onnx.TensorProto.INT8] > 20 * bytes_of[onnx.TensorProto.FLOAT]
+    said = onnxruntime.InferenceSession(str(tmp_path / "proposer.onnx")).run(
+        ["objectness", "box", "building", "window", "row"], {"pictures": pictures[4:]}
+    )
+    with torch.no_grad():
+        expected = ProposerAnswer(proposer)(torch.from_numpy(pictures[4:]))
+    for ours, theirs in zip(said, expected, strict=True):
+        assert np.abs(ours - theirs.numpy()).mean() < 0.1 * theirs.numpy().std()
+
+
 def test_exported_networks_answer_as_they_did(tmp_path: Path) -> None:
     import torch
 
-    from training.export import write_namer, write_proposer
-    from training.nets import Namer, Proposer, ProposerAnswer
+    from training.export import write_float_proposer, write_namer
+    from training.int8 import Arranged
+    from training.nets import Namer, ProposerAnswer
 
-    torch.manual_seed(1)
-    proposer, namer = Proposer().eval(), Namer(7, 4).eval()
-    write_proposer(proposer, tmp_path / "proposer.onnx")
+    proposer, namer = some_proposer(), Namer(7, 4).eval()
+    write_float_proposer(Arranged(proposer), tmp_path / "proposer.onnx")
     write_namer(namer, tmp_path / "namer.onnx")
     rng = np.random.default_rng(0)
     for shape in ((1, 320, 384, 3), (3, 256, 256, 3)):
