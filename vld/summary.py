@@ -1,14 +1,13 @@
 """A run in figures: the one object that `--json` prints and `summary.json` holds; and two runs on the same tasks."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 import numpy as np
 
 from contracts.base import Wire
-from contracts.scene import BuildingKind
-from vld.metrics.breakdown import FLOOR_GROUPS, breakdown, floor_group, neighbours_group
+from vld.metrics.breakdown import GROUPINGS, breakdown
 from vld.metrics.collisions import collisions
 from vld.metrics.coverage import Absence, absence
 from vld.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
@@ -20,13 +19,11 @@ from vld.metrics.recognition import recognition_fail_rate
 from vld.metrics.spl import Flown, spl
 from vld.metrics.steps import average_steps
 from vld.metrics.success import success_curve, success_rate
-from vld.records import Category, EpisodeRecord, Reason, Task
-from vld.scene_plan import Difficulty
+from vld.records import EpisodeRecord, Reason, Task
 
 BOOTSTRAP_SEED = 20_250
 FEWEST_FOR_BOOTSTRAP = 10
 """Resampling a handful of tasks shows nothing but that handful: below this only the mean is given."""
-_FLOOR_ORDER = [f"{low}-{high}" if high is not None else f"{low}+" for low, high in FLOOR_GROUPS]
 
 
 class Rate(Wire):
@@ -208,18 +205,8 @@ def _change(first: Sequence[float], second: Sequence[float], rng: np.random.Gene
 
 
 def _groups(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> Groups:
-    def by(group: Callable[[Task], str], order: Iterable[str]) -> dict[str, Rate]:
-        found = breakdown(tasks, records, group, list(order))
-        return {name: _rate(proportion) for name, proportion in found.items()}
-
-    return Groups(
-        difficulty=by(lambda task: task.difficulty, get_args(Difficulty)),
-        building=by(lambda task: task.building_kind, get_args(BuildingKind)),
-        footprint=by(lambda task: task.footprint, ()),
-        neighbours=by(neighbours_group, ("none", "street", "ring")),
-        category=by(lambda task: task.category, get_args(Category)),
-        floor=by(floor_group, _FLOOR_ORDER),
-    )
+    found = {name: breakdown(tasks, records, group.of, group.order) for name, group in GROUPINGS.items()}
+    return Groups(**{name: {k: _rate(p) for k, p in groups.items()} for name, groups in found.items()})
 
 
 def _absent(found: Absence | None) -> Absent | None:

@@ -1,9 +1,12 @@
 """Success by what kind of task it was."""
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple, get_args
 
+from contracts.scene import BuildingKind
 from vld.metrics.proportion import Proportion, share
-from vld.records import EpisodeRecord, Task
+from vld.records import Category, EpisodeRecord, Task
+from vld.scene_plan import Difficulty
 
 FLOOR_GROUPS = ((1, 3), (4, 6), (7, 12), (13, None))
 MOST_ACROSS = 2
@@ -35,3 +38,23 @@ def neighbours_group(task: Task) -> str:
     street's side holds)."""
     others = len(task.scene.buildings) - 1
     return "none" if others < 1 else "street" if others <= MOST_ACROSS else "ring"
+
+
+class Grouping(NamedTuple):
+    """How tasks fall into groups; `order` of those that have one."""
+
+    of: Callable[[Task], str]
+    order: tuple[str, ...] = ()
+
+
+GROUPINGS: Mapping[str, Grouping] = {
+    "difficulty": Grouping(lambda task: task.difficulty, get_args(Difficulty)),
+    "building": Grouping(lambda task: task.building_kind, get_args(BuildingKind)),
+    "footprint": Grouping(lambda task: task.footprint),
+    "neighbours": Grouping(neighbours_group, ("none", "street", "ring")),
+    "category": Grouping(lambda task: task.category, get_args(Category)),
+    "floor": Grouping(
+        floor_group, tuple(f"{low}-{high}" if high is not None else f"{low}+" for low, high in FLOOR_GROUPS)
+    ),
+}
+"""All that a summary breaks success down by."""

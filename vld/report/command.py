@@ -1,5 +1,6 @@
 """`logisticsvln report` and `compare`: runs in, one HTML page or one table out."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -7,10 +8,14 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from contracts.base import Wire
 from orchestrator.console import WRONG_INPUT, stop
 from orchestrator.record import write_whole
 from vld.bench.folder import BadFolder
-from vld.report.comparison import HEADS, cells, compared, markdown
+from vld.report import by_group
+from vld.report.by_group import By, grouped
+from vld.report.comparison import HEADS, cells, compared
+from vld.report.markup import markdown
 from vld.report.page import build_page
 from vld.report.runs import load_runs
 
@@ -37,6 +42,7 @@ def report(
 
 def compare(
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs; the others are tested against the first.")],
+    by: Annotated[By | None, typer.Option(help="Each kind of task apart, without tests; one run will do.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One object: each run's figures and tests.")] = False,
     as_markdown: Annotated[bool, typer.Option("--markdown", help="The table as Markdown.")] = False,
 ) -> None:
@@ -45,20 +51,39 @@ def compare(
     if as_json and as_markdown:
         stop("--json and --markdown exclude each other", WRONG_INPUT)
     try:
-        arms = compared(load_runs(runs))
+        loaded = load_runs(runs)
+        if by is not None:
+            groups = grouped(loaded, by.value)
+            _show(groups, by_group.heads(groups), by_group.rows(groups), as_json, as_markdown)
+            return
+        arms = compared(loaded)
     except ValueError as error:
         stop(str(error), WRONG_INPUT)
+    _show(arms, HEADS, [cells(arm) for arm in arms.arms], as_json, as_markdown, upright=True)
+
+
+def _show(
+    found: Wire,
+    heads: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    as_json: bool,
+    as_markdown: bool,
+    *,
+    upright: bool = False,
+) -> None:
+    """`upright`: on the screen a column a row, because so many figures side by side are wider than a terminal."""
     if as_json:
-        typer.echo(arms.model_dump_json(indent=2))
-    elif as_markdown:
-        typer.echo(markdown(arms))
-    else:
-        # a column an arm: eleven figures side by side are wider than a terminal
-        heads, *rows = zip(HEADS, *map(cells, arms.arms), strict=True)
-        table = Table(*heads, box=None, padding=(0, 2))
-        for row in rows:
-            table.add_row(*row)
-        Console().print(table, highlight=False)
+        typer.echo(found.model_dump_json(indent=2))
+        return
+    if as_markdown:
+        typer.echo(markdown([heads, *rows]))
+        return
+    if upright:
+        heads, *rows = zip(heads, *rows, strict=True)
+    table = Table(*heads, box=None, padding=(0, 2))
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table, highlight=False)
 
 
 def _check_count(runs: list[Path]) -> None:

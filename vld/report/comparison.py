@@ -76,12 +76,6 @@ def cells(arm: Arm) -> tuple[str, ...]:
     return figures + tests
 
 
-def markdown(arms: Arms) -> str:
-    """The same as a table for a page of documentation."""
-    lines = [HEADS, tuple("---" for _ in HEADS), *(cells(arm) for arm in arms.arms)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def rate(found: Rate) -> str:
     """`k/n p % (low-high)`."""
     if found.rate is None or found.low is None or found.high is None:

@@ -1,6 +1,6 @@
 """Small pieces of HTML, every text escaped exactly once."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 
 from vld.summary import Rate
@@ -53,3 +53,9 @@ def p_value(p: float | None) -> str:
     if p is None:
         return "n/a"
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
+def markdown(rows: Iterable[Sequence[str]]) -> str:
+    """A table for a page of documentation; the first row is its head."""
+    head, *rest = rows
+    return "\n".join(f"| {' | '.join(line)} |" for line in (head, ["---"] * len(head), *rest))

@@ -77,3 +77,19 @@ def test_runs_without_a_common_task_are_no_comparison(tmp_path: Path) -> None:
     refused = asked(*runs)
     assert refused.exit_code == 2
     assert "no task in common" in refused.stderr
+
+
+def test_each_kind_of_task_stands_apart(tmp_path: Path) -> None:
+    tasks = [a_task(f"t-{i}", floor=2 if i < 4 else 5) for i in range(6)]
+    missed = a_result("wrong_window", a_verdict(right=False))
+    records = [a_record(task, missed if i in {0, 4, 5} else delivered()) for i, task in enumerate(tasks)]
+    run = a_run(tmp_path / "a", tasks, records)
+    low, high = json.loads(asked(run, "--by", "floor", "--json").stdout)["runs"][0]["groups"].items()
+    assert [(name, g["success"]["k"], g["success"]["n"]) for name, g in (low, high)] == [("1-3", 3, 4), ("4-6", 0, 2)]
+    assert low[1]["spl"] > high[1]["spl"] == 0.0
+    lines = asked(run, run, "--by", "floor", "--markdown").stdout.splitlines()
+    assert len(lines) == 4
+    assert lines[2].startswith("| 1-3 | 3/4 75.0 %")
+    assert {line.count("|") for line in lines} == {4}
+    assert "3/4 75.0 %" in asked(run, "--by", "floor").stdout
+    assert "'floor'" in asked(run, "--by", "colour").stderr
