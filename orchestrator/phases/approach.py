@@ -13,6 +13,8 @@ MAX_LEGS = 8
 LOOK_AGAIN_M = 5.0
 LONGEST_LEG_M = 8.0
 SAME_THING_M = 2.0
+OTHER_THING_M = 4.0
+"""So far from where the thing was seen, it is another one of its kind."""
 NEAR_ENOUGH_M = 0.8
 STILL_NEAR_M = 1.3
 """So much farther than the stop a claim is still worth making where there is no way nearer."""
@@ -74,7 +76,7 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Point3]) -> 
             return Lost(found.place, f"only {found.sighting.match.confidence:.2f} sure face to face")
         confirmed = True
     look, sight, box = found.look, found.sight, found.sighting.match.box
-    asides = 0
+    asides, surest = 0, 0.0
     for leg in range(1, MAX_LEGS + 1):
         far = distance_m(look.pose, found.place)
         way = await _way(sortie, look, sight, box, far, confirmed, settings)
@@ -92,7 +94,9 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Point3]) -> 
         await sortie.fly(path, yaw, f"leg {leg} of the approach" + (", to another side of it" if way.aside else ""))
         trail += [*path[:-1], _at(sortie.flown.pose)]
         look = await sortie.look()
-        again = await _again(exploration, look, found, f"after leg {leg}")
+        seen = await exploration.search(look, f"after leg {leg}", near=found.place)
+        again = _same(seen, found)
+        surest = max(surest, found.sighting.match.confidence)
         if again is not None:
             found = again
             claimable = claimable or again.claimable
@@ -103,6 +107,8 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Point3]) -> 
         elif not confirmed:
             why = f"not seen again from {distance_m(look.pose, found.place):.1f} m"
             return Lost(found.place, why, blocked=bool(way.aside))
+        elif seen is not None and await _is_another(exploration, seen, found, surest):
+            return Lost(found.place, f"not seen again, and a surer one {distance_m(seen.place, found.place):.1f} m off")
         else:
             # confirmed before: a thing may leave the picture or the model's grasp as it gets near, its place does not
             remembered = project(found.place, found.sighting.extent, look) if found.sighting.extent else None
@@ -123,10 +129,20 @@ async def _legs(exploration: Exploration, found: Found, trail: list[Point3]) -> 
 
 async def _again(exploration: Exploration, look: Look, found: Found, what: str) -> Found | None:
     """The same thing in another look; null where it isn't seen."""
-    again = await exploration.search(look, what, near=found.place)
-    if again is None or distance_m(again.place, found.place) > SAME_THING_M:
-        return None
-    return again
+    return _same(await exploration.search(look, what, near=found.place), found)
+
+
+def _same(seen: Found | None, found: Found) -> Found | None:
+    """What was seen, if it is the same thing."""
+    return seen if seen is not None and distance_m(seen.place, found.place) <= SAME_THING_M else None
+
+
+async def _is_another(exploration: Exploration, seen: Found, found: Found, surest: float) -> bool:
+    """Is what was seen from near another thing of the kind, on the building searched, and surer than what brought the
+    drone here ever was? At first sight means that no look on the way can drop a thing."""
+    surer = seen.claimable and seen.sighting.match.confidence > surest
+    far = distance_m(seen.place, found.place) > OTHER_THING_M
+    return exploration.looks_again and surer and far and await exploration.is_on_target(seen)
 
 
 async def _way(

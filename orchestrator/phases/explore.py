@@ -166,6 +166,10 @@ class Exploration:
         """Is a sighting looked at from nearer before it is claimed?"""
         return self.sortie.settings.sightings.policy == "look-again"
 
+    async def is_on_target(self, found: Found) -> bool:
+        """Is that on the building searched, as far as is known? The paper's rule keeps no map: anything may be."""
+        return self.contour is None or self.contour.on_target(await self.contour.plan(found.look), found.place)
+
     def _claim_confidence(self, answer: FindObjectAnswer) -> float:
         for confidence in (self.sortie.settings.sightings.claim_confidence, answer.claim_confidence):
             if confidence is not None:

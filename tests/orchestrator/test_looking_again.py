@@ -62,15 +62,16 @@ async def fly(
     thing: dict[float, float],
     impostor: dict[float, float] | None = None,
     depth: LocalDepthAssist | None = None,
+    block: Block = BEHIND,
     **sightings: object,
 ) -> tuple[DeliveryResult, Events, DoubtfulVision]:
-    world = BlockWorld(BEHIND)
+    world = BlockWorld(block)
     vision = DoubtfulVision(world, thing=thing, impostor=impostor or {})
     settings = MissionSettings(viewpoint=PAPER, sightings=SightingSettings.model_validate(sightings))
     log = Events()
     usual = block_ports(world, vision)
     mission = Mission(Ports(usual.parser, usual.vision, depth or usual.depth, usual.world), settings, log)
-    return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block))), log, vision
+    return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(block))), log, vision
 
 
 SURE, MIDDLING = {99.0: 0.95}, {99.0: 0.5}
@@ -117,6 +118,13 @@ async def test_the_way_back_from_a_dropped_candidate_goes_round_every_corner_of_
     start = {axis: legs[0].data["from"][axis] for axis in "xyz"}
     assert moves[back].data["path"] == [*reversed(there[:-1]), start]
     assert any(point["z"] != start["z"] for point in moves[back].data["path"])
+
+
+@pytest.mark.parametrize(("thing", "outcome"), [(0.95, "delivered"), (0.84, "wrong_window")])
+async def test_a_thing_that_fades_from_near_gives_way_to_a_surer_one_beside_it(thing: float, outcome: str) -> None:
+    result, log, _ = await fly({8.0: thing}, {4.0: 0.0, 30.0: 0.85}, block=Block())
+    assert result.outcome == outcome
+    assert ("a surer one" in str([e.message for e in log.of("lost")])) == (outcome == "delivered")
 
 
 async def test_a_dropped_candidate_is_not_flown_to_twice() -> None:
