@@ -2,7 +2,8 @@
 
 A raw score becomes a confidence by the share of such sightings that were right (a rising step function, smoothed to a
 line). `claim` is the lowest confidence at which missions made up of these pictures, flown in random order until
-something is claimed, claim wrongly in at most `WRONG` of the cases. `row` is what counts most floors rightly.
+something is claimed, come out as well as at any: a wrong claim outweighs `WRONG_WEIGHS` right ones. `row` is what
+counts most floors rightly.
 """
 
 from collections import defaultdict
@@ -17,7 +18,9 @@ from services.vlm_gateway.embedded.floors import rows_in
 from training.crop_store import overlap_matrix
 from training.judge import RIGHT, Look, fair
 
-WRONG = 0.02
+WRONG_WEIGHS = 3.0
+"""A parcel at a wrong window is worse than one brought back, and a thing that is not claimed is mostly seen again."""
+AS_WELL = 0.002
 LEAST = 0.02
 """A lower score is not worth looking at."""
 ORDERS = 4
@@ -127,12 +130,12 @@ def outcome(found: Sequence[Sighting], score: float, seed: int = 0) -> Outcome:
     return Outcome(wrong / max(1, wrong + right), right / max(1, missions))
 
 
-def claim_score(found: Sequence[Sighting], allowed: float = WRONG) -> float:
-    """The lowest score at which wrong claims stay within `allowed`; 0.99 where none does."""
-    for score in np.linspace(0.05, 0.99, 48):
-        if outcome(found, float(score)).wrong <= allowed:
-            return float(score)
-    return 0.99
+def claim_score(found: Sequence[Sighting]) -> float:
+    """The lowest score at which right claims less the weight of wrong ones, as shares, are within `AS_WELL` of the
+    best."""
+    scores = [float(s) for s in np.linspace(0.05, 0.99, 48)]
+    worth = [o.found - WRONG_WEIGHS * o.wrong for o in (outcome(found, score) for score in scores)]
+    return next(score for score, w in zip(scores, worth, strict=True) if w >= max(worth) - AS_WELL)
 
 
 def row_threshold(all_looks: Iterable[Look]) -> float:
