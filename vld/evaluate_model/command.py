@@ -33,6 +33,8 @@ from vld.report.runs import Run, load_runs
 from vld.sim_client import SimulatorFault, own_simulator
 
 PICTURES = Path("~/.cache/logisticsvln/evaluation")
+ABOUT = "about.json"
+"""Beside the answers: what the gateway says of the model."""
 CARD, CURVES, SHEET = "model-card.md", "model-card.png", "model-card-mistakes.png"
 MAX_TASKS = 5_000
 
@@ -59,9 +61,9 @@ def evaluate(
     seeds = [*range(first_seed, first_seed + tasks), *range(STRANGE_SEED, STRANGE_SEED + strange)]
     try:
         runs = load_runs(flown or [])
-        about: dict[str, Any] = {}
         if answers is not None:
             given = Answers.model_validate_json(answers.read_bytes())
+            about = _about_beside(answers)
             known = read_cases(folder)
             cases = {seed: known[seed] for seed in sorted({a.seed for a in given.sought})}
         else:
@@ -72,7 +74,7 @@ def evaluate(
             out.mkdir(parents=True, exist_ok=True)
             write_whole(out / "answers.json", given.model_dump_json())
             write_whole(out / "scores.json", scores.model_dump_json(indent=1))
-            write_whole(out / "about.json", json.dumps(about))
+            write_whole(out / ABOUT, json.dumps(about))
         if card_folder is not None:
             write_card(card_folder, cases, given, scores, folder, about, runs)
     except KeyError as error:
@@ -87,6 +89,15 @@ def evaluate(
         typer.echo(scores.model_dump_json())
     else:
         print_scores(Console(), scores)
+
+
+def _about_beside(answers: Path) -> dict[str, Any]:
+    """What `--out` wrote of the model beside its answers; nothing where it lies elsewhere. Raises ValueError."""
+    beside = answers.with_name(ABOUT)
+    said = json.loads(beside.read_text(encoding="utf-8")) if beside.is_file() else {}
+    if not isinstance(said, dict):
+        raise ValueError(f"{beside} holds no object")
+    return said
 
 
 def write_card(

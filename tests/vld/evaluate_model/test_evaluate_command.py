@@ -47,7 +47,9 @@ def test_streets_are_rendered_once_and_the_card_is_written(tmp_path: Path) -> No
     with (pictures / CASES_FILE).open("a") as lines:
         lines.write('{"seed": 5, "looks')  # as a crash leaves it
     before = {path: path.stat().st_mtime_ns for path in pictures.rglob("*.jpg")}
-    again = CliRunner().invoke(app, [*command, "--answers", str(out / "answers.json"), "--json"])
+    card = (docs / CARD).read_text()
+    again = CliRunner().invoke(app, [*command, "--answers", str(out / "answers.json"), "--card", str(docs), "--json"])
     assert again.exit_code == 0, again.output
+    assert (docs / CARD).read_text() == card
     assert json.loads(again.stdout.strip().splitlines()[-1])["rates"] == scores["rates"]
     assert before == {path: path.stat().st_mtime_ns for path in pictures.rglob("*.jpg")}
