@@ -100,6 +100,7 @@ train: setup  ## make the embedded model anew (hours on a processor; goes on whe
 	@$(BIN)/python -m training $(ARGS) proposer --steps $$((13 * $(STREETS)))
 	@$(BIN)/python -m training $(ARGS) namer --steps $$((24 * $(STREETS)))
 	@$(BIN)/python -m training $(ARGS) export
+	@$(if $(findstring --out,$(ARGS)),echo "no model card: the gateway's own model is as it was",$(BIN)/logisticsvln evaluate --card docs --out runs/evaluation)
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist
