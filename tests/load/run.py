@@ -6,6 +6,7 @@ first observation. Each route is measured alone (one connection) and then open-l
 
 import argparse
 import asyncio
+import base64
 import json
 import os
 import sys
@@ -23,6 +24,7 @@ from rich.table import Table
 
 from contracts.depth_assist import ApproachQuestion, SafeDistancesQuestion, ViewDepth, ViewpointQuestion
 from contracts.geometry import POINT_LABELS, Box
+from contracts.images import JpegImage, jpeg_bytes
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import Sample
 from contracts.sim import Episode, EpisodeQuestion, Move, Observation
@@ -118,13 +120,13 @@ def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation
             "vlm_gateway POST /v1/building-box",
             post(f"{gateway}/v1/building-box", BuildingBoxQuestion(image=front.image)),
         ),
-        # a new phrase each time, so that the model works rather than the cache
+        # new pictures each time: of known ones the model remembers what it saw
         Route(
-            "vlm_gateway POST /v1/find-object (embedded model)",
+            "vlm_gateway POST /v1/find-object (embedded model, new pictures)",
             lambda i: Call(
                 "POST",
                 f"{gateway}/v1/find-object",
-                FindObjectQuestion(object=f"green flower pot {i}", views=views).model_dump_json().encode(),
+                FindObjectQuestion(object="green flower pot", views=remarked(views, i)).model_dump_json().encode(),
             ),
         ),
         Route(
@@ -143,6 +145,17 @@ def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation
         ),
         Route("orchestrator GET /v1/deliveries", lambda _: Call("GET", f"{urls['orchestrator']}/v1/deliveries")),
     ]
+
+
+def remarked(views: tuple[View, ...], number: int) -> tuple[View, ...]:
+    """The same pictures as other files: a comment after each JPEG's first marker."""
+    comment = f"{number:012d}".encode()
+    mark = b"\xff\xfe" + (len(comment) + 2).to_bytes(2, "big") + comment
+    files = [jpeg_bytes(view.image) for view in views]
+    return tuple(
+        view.model_copy(update={"image": JpegImage(jpeg_base64=base64.b64encode(file[:2] + mark + file[2:]).decode())})
+        for view, file in zip(views, files, strict=True)
+    )
 
 
 async def measure(session: aiohttp.ClientSession, route: Route, seconds: float, report: Callable[[], None]) -> Measured:
