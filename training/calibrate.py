@@ -135,7 +135,8 @@ def claim_score(found: Sequence[Sighting]) -> float:
     best."""
     scores = [float(s) for s in np.linspace(0.05, 0.99, 48)]
     worth = [o.found - WRONG_WEIGHS * o.wrong for o in (outcome(found, score) for score in scores)]
-    return next(score for score, w in zip(scores, worth, strict=True) if w >= max(worth) - AS_WELL)
+    enough = max(worth) - AS_WELL
+    return next(score for score, w in zip(scores, worth, strict=True) if w >= enough)
 
 
 def row_threshold(all_looks: Iterable[Look]) -> float:

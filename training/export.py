@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Iterable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
@@ -40,10 +41,10 @@ def steps_of(checkpoint: Path) -> int:
 
 def write_proposer(net: Proposer, path: Path, pictures: Iterable[NDArray[np.uint8]]) -> None:
     """In integers, whose ranges come from `pictures`, (H, W, 3) each."""
-    plain = path.with_suffix(".float")
-    write_float_proposer(Arranged(net), plain)
-    quantise(plain, pictures, path)
-    plain.unlink()
+    with TemporaryDirectory(dir=path.parent) as folder:
+        plain = Path(folder) / path.name
+        write_float_proposer(Arranged(net), plain)
+        quantise(plain, pictures, path)
 
 
 def write_float_proposer(net: nn.Module, path: Path) -> None:

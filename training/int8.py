@@ -118,7 +118,7 @@ def quantise(exported: Path, pictures: Iterable[NDArray[np.uint8]], out: Path) -
         part.rename(out)
 
 
-class _Pictures(CalibrationDataReader):  # type: ignore[misc]
+class _Pictures(CalibrationDataReader):
     def __init__(self, pictures: Iterable[NDArray[np.uint8]]) -> None:
         self._rest: Iterator[NDArray[np.uint8]] = iter(pictures)
 

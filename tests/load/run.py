@@ -126,7 +126,9 @@ def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation
             lambda i: Call(
                 "POST",
                 f"{gateway}/v1/find-object",
-                FindObjectQuestion(object="green flower pot", views=remarked(views, i)).model_dump_json().encode(),
+                FindObjectQuestion(object="green flower pot", views=tuple(remarked(v, i) for v in views))
+                .model_dump_json()
+                .encode(),
             ),
         ),
         Route(
@@ -147,15 +149,13 @@ def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation
     ]
 
 
-def remarked(views: tuple[View, ...], number: int) -> tuple[View, ...]:
-    """The same pictures as other files: a comment after each JPEG's first marker."""
+def remarked(view: View, number: int) -> View:
+    """The same picture as another file: a comment after the JPEG's first marker."""
     comment = f"{number:012d}".encode()
     mark = b"\xff\xfe" + (len(comment) + 2).to_bytes(2, "big") + comment
-    files = [jpeg_bytes(view.image) for view in views]
-    return tuple(
-        view.model_copy(update={"image": JpegImage(jpeg_base64=base64.b64encode(file[:2] + mark + file[2:]).decode())})
-        for view, file in zip(views, files, strict=True)
-    )
+    file = jpeg_bytes(view.image)
+    image = JpegImage(jpeg_base64=base64.b64encode(file[:2] + mark + file[2:]).decode())
+    return View(heading_deg=view.heading_deg, image=image)
 
 
 async def measure(session: aiohttp.ClientSession, route: Route, seconds: float, report: Callable[[], None]) -> Measured:

@@ -333,5 +333,5 @@ class SceneParser:
         return ParseAnswer(**found, missing=tuple(k for k, v in found.items() if v is None), model="pattern")
 
 
-def block_ports(world: BlockWorld, vision: BlockVision | None = None) -> Ports:
-    return Ports(SceneParser(), vision or BlockVision(world), LocalDepthAssist(), world)
+def block_ports(world: BlockWorld, vision: BlockVision | None = None, depth: LocalDepthAssist | None = None) -> Ports:
+    return Ports(SceneParser(), vision or BlockVision(world), depth or LocalDepthAssist(), world)

@@ -11,7 +11,6 @@ from contracts.orchestrator import DeliveryResult, MissionSettings, SightingSett
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from orchestrator.mission import Mission
-from orchestrator.ports import Ports
 from tests.orchestrator.box_world import (
     WHO,
     Block,
@@ -69,8 +68,7 @@ async def fly(
     vision = DoubtfulVision(world, thing=thing, impostor=impostor or {})
     settings = MissionSettings(viewpoint=PAPER, sightings=SightingSettings.model_validate(sightings))
     log = Events()
-    usual = block_ports(world, vision)
-    mission = Mission(Ports(usual.parser, usual.vision, depth or usual.depth, usual.world), settings, log)
+    mission = Mission(block_ports(world, vision, depth), settings, log)
     return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(block))), log, vision
 
 

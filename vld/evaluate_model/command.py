@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from pydantic import TypeAdapter, ValidationError
 from rich.console import Console
 from rich.table import Table
 
@@ -35,6 +36,7 @@ from vld.sim_client import SimulatorFault, own_simulator
 PICTURES = Path("~/.cache/logisticsvln/evaluation")
 ABOUT = "about.json"
 """Beside the answers: what the gateway says of the model."""
+_ABOUT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 CARD, CURVES, SHEET = "model-card.md", "model-card.png", "model-card-mistakes.png"
 MAX_TASKS = 5_000
 
@@ -94,10 +96,12 @@ def evaluate(
 def _about_beside(answers: Path) -> dict[str, Any]:
     """What `--out` wrote of the model beside its answers; nothing where it lies elsewhere. Raises ValueError."""
     beside = answers.with_name(ABOUT)
-    said = json.loads(beside.read_text(encoding="utf-8")) if beside.is_file() else {}
-    if not isinstance(said, dict):
-        raise ValueError(f"{beside} holds no object")
-    return said
+    if not beside.is_file():
+        return {}
+    try:
+        return _ABOUT.validate_json(beside.read_bytes())
+    except ValidationError as error:
+        raise ValueError(f"{beside} is not what `--out` writes: {error.errors()[0]['msg']}") from None
 
 
 def write_card(

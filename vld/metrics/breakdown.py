@@ -1,7 +1,7 @@
 """Success by what kind of task it was."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 from contracts.scene import BuildingKind
 from vld.metrics.proportion import Proportion, share
@@ -29,7 +29,10 @@ def breakdown(
 
 def floor_group(task: Task) -> str:
     """The floor asked for, in groups that floors up to the twenties fill: 1-3, 4-6, 7-12, 13 and up."""
-    low, high = next(g for g in FLOOR_GROUPS if g[1] is None or task.floor <= g[1])
+    return next(_span(low, high) for low, high in FLOOR_GROUPS if high is None or task.floor <= high)
+
+
+def _span(low: int, high: int | None) -> str:
     return f"{low}-{high}" if high is not None else f"{low}+"
 
 
@@ -47,14 +50,13 @@ class Grouping(NamedTuple):
     order: tuple[str, ...] = ()
 
 
-GROUPINGS: Mapping[str, Grouping] = {
+GroupingName = Literal["difficulty", "building", "footprint", "neighbours", "category", "floor"]
+GROUPINGS: Mapping[GroupingName, Grouping] = {
     "difficulty": Grouping(lambda task: task.difficulty, get_args(Difficulty)),
     "building": Grouping(lambda task: task.building_kind, get_args(BuildingKind)),
     "footprint": Grouping(lambda task: task.footprint),
     "neighbours": Grouping(neighbours_group, ("none", "street", "ring")),
     "category": Grouping(lambda task: task.category, get_args(Category)),
-    "floor": Grouping(
-        floor_group, tuple(f"{low}-{high}" if high is not None else f"{low}+" for low, high in FLOOR_GROUPS)
-    ),
+    "floor": Grouping(floor_group, tuple(_span(low, high) for low, high in FLOOR_GROUPS)),
 }
 """All that a summary breaks success down by."""

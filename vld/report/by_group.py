@@ -1,25 +1,13 @@
 """`logisticsvln compare --by`: runs side by side, each kind of task apart."""
 
 from collections.abc import Sequence
-from enum import StrEnum
 
 from contracts.base import Wire
-from vld.metrics.breakdown import GROUPINGS
+from vld.metrics.breakdown import GROUPINGS, GroupingName
 from vld.report.comparison import rate
 from vld.report.markup import percent
 from vld.report.runs import Run
 from vld.summary import Rate, summarize
-
-
-class By(StrEnum):
-    """A name of GROUPINGS."""
-
-    DIFFICULTY = "difficulty"
-    BUILDING = "building"
-    FOOTPRINT = "footprint"
-    NEIGHBOURS = "neighbours"
-    CATEGORY = "category"
-    FLOOR = "floor"
 
 
 class GroupFigures(Wire):
@@ -41,18 +29,18 @@ class GroupedRun(Wire):
 class GroupedRuns(Wire):
     """What `compare --by NAME --json` prints."""
 
-    by: str
+    by: GroupingName
     runs: tuple[GroupedRun, ...]
 
 
-def grouped(runs: Sequence[Run], by: str) -> GroupedRuns:
+def grouped(runs: Sequence[Run], by: GroupingName) -> GroupedRuns:
     """Groups in their own order. Raises ValueError for no run at all."""
     if not runs:
         raise ValueError("there is no run whose tasks could be grouped")
     return GroupedRuns(by=by, runs=tuple(_grouped(run, by) for run in runs))
 
 
-def _grouped(run: Run, by: str) -> GroupedRun:
+def _grouped(run: Run, by: GroupingName) -> GroupedRun:
     of = GROUPINGS[by].of
     groups = {}
     for name in getattr(run.summary.groups, by):

@@ -12,8 +12,9 @@ from contracts.base import Wire
 from orchestrator.console import WRONG_INPUT, stop
 from orchestrator.record import write_whole
 from vld.bench.folder import BadFolder
+from vld.metrics.breakdown import GroupingName
 from vld.report import by_group
-from vld.report.by_group import By, grouped
+from vld.report.by_group import grouped
 from vld.report.comparison import HEADS, cells, compared
 from vld.report.markup import markdown
 from vld.report.page import build_page
@@ -42,7 +43,9 @@ def report(
 
 def compare(
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs; the others are tested against the first.")],
-    by: Annotated[By | None, typer.Option(help="Each kind of task apart, without tests; one run will do.")] = None,
+    by: Annotated[
+        GroupingName | None, typer.Option(help="Each kind of task apart, without tests; one run will do.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One object: each run's figures and tests.")] = False,
     as_markdown: Annotated[bool, typer.Option("--markdown", help="The table as Markdown.")] = False,
 ) -> None:
@@ -53,7 +56,7 @@ def compare(
     try:
         loaded = load_runs(runs)
         if by is not None:
-            groups = grouped(loaded, by.value)
+            groups = grouped(loaded, by)
             _show(groups, by_group.heads(groups), by_group.rows(groups), as_json, as_markdown)
             return
         arms = compared(loaded)

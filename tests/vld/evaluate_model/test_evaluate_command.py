@@ -21,6 +21,17 @@ def test_answers_that_are_none_are_refused_with_a_reason(tmp_path: Path) -> None
     assert "logisticsvln:" in ran.output
 
 
+@pytest.mark.parametrize("about", [b"[1]", b"{", b"\xff"])
+def test_what_lies_beside_the_answers_is_named_where_it_is_damaged(tmp_path: Path, about: bytes) -> None:
+    (tmp_path / "answers.json").write_text('{"model": null, "sought": [], "counted": []}')
+    (tmp_path / "about.json").write_bytes(about)
+    ran = CliRunner().invoke(
+        app, ["evaluate", "--pictures", str(tmp_path), "--answers", str(tmp_path / "answers.json")]
+    )
+    assert ran.exit_code == 2
+    assert f"{tmp_path / 'about.json'} is not what `--out` writes" in ran.output.replace("\n", "")
+
+
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
     ran = CliRunner().invoke(app, ["evaluate", "--flown", str(tmp_path), "--pictures", str(tmp_path)])
     assert ran.exit_code == 2
