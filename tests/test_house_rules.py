@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-OURS = ("contracts", "navigation", "service_kit", "services", "orchestrator", "training", "vld")
+OURS = ("contracts", "navigation", "service_kit", "services", "mission", "orchestrator", "training", "vld")
 ALLOWED = {
     "contracts": set(),
     "navigation": set(),
     "service_kit": {"contracts"},
     "services": {"contracts", "navigation", "service_kit"},
-    "orchestrator": {"contracts", "navigation", "service_kit"},
+    "mission": {"contracts", "navigation", "service_kit"},
+    "orchestrator": {"contracts", "navigation", "service_kit", "mission"},
     "vld": {"contracts", "navigation", "orchestrator"},
     # draws its streets in process and cuts crops as the gateway does; nothing imports it
     "training": {"contracts", "navigation", "vld", "services.sim", "services.vlm_gateway"},

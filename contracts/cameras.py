@@ -1,0 +1,193 @@
+"""Cameras as data: what a pinhole camera is, where it is mounted, and the rigs that a drone carries.
+
+Frames: the nose frame has x along the drone's nose, y to its right, z up, metres from the drone's centre. A camera's
+heading is in degrees about z, positive to the right of the nose; its pitch in degrees, positive upwards. The image
+frame has x to the right and y down in pixels, continuous: the centre of pixel (row, column) is
+(column + 0.5, row + 0.5).
+"""
+
+import math
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Self
+
+from pydantic import Field, ValidationError, model_validator
+
+from contracts.base import Name, Wire
+
+MAX_CAMERAS = 16
+MAX_RIG_BYTES = 64 * 1024
+MountingMetres = Annotated[float, Field(ge=-5.0, le=5.0)]
+Pixels = Annotated[int, Field(ge=16, le=4096)]
+FocalPixels = Annotated[float, Field(gt=1.0, le=100_000.0)]
+
+DEFAULT_RIG = "paper-five"
+
+
+class BadRig(ValueError):
+    """A rig that is none, or a name that no rig has; the message says what was wrong and what there is."""
+
+
+class MountingOffset(Wire):
+    """Where the camera sits in the nose frame, metres from the drone's centre."""
+
+    forward_m: MountingMetres = 0.0
+    right_m: MountingMetres = 0.0
+    up_m: MountingMetres = 0.0
+
+
+class Camera(Wire):
+    """An ideal pinhole camera and how it is mounted. Depth is measured along its optical axis (planar z)."""
+
+    name: Name
+    width: Pixels
+    height: Pixels
+    fx_px: FocalPixels
+    fy_px: FocalPixels
+    cx_px: float = Field(ge=-4096.0, le=8192.0)
+    cy_px: float = Field(ge=-4096.0, le=8192.0)
+    heading_deg: float = Field(default=0.0, ge=-360.0, le=360.0)
+    pitch_deg: float = Field(default=0.0, ge=-90.0, le=90.0)
+    offset: MountingOffset = MountingOffset()
+
+    @property
+    def left_deg(self) -> float:
+        """Bearing of the picture's left edge from the optical axis, negative for an axis inside the picture."""
+        return math.degrees(math.atan2(-self.cx_px, self.fx_px))
+
+    @property
+    def right_deg(self) -> float:
+        """Bearing of the picture's right edge from the optical axis."""
+        return math.degrees(math.atan2(self.width - self.cx_px, self.fx_px))
+
+    def scaled_to(self, longer_side_px: int) -> "Camera":
+        """The same camera with its longer side so many pixels: what the field of view holds does not change."""
+        scale = longer_side_px / max(self.width, self.height)
+        if scale == 1.0:
+            return self
+        width, height = max(16, round(self.width * scale)), max(16, round(self.height * scale))
+        across, down = width / self.width, height / self.height
+        return self.model_copy(
+            update={
+                "width": width,
+                "height": height,
+                "fx_px": self.fx_px * across,
+                "cx_px": self.cx_px * across,
+                "fy_px": self.fy_px * down,
+                "cy_px": self.cy_px * down,
+            }
+        )
+
+
+class Rig(Wire):
+    """The cameras of a drone; their names are unique."""
+
+    name: Name
+    cameras: tuple[Camera, ...] = Field(min_length=1, max_length=MAX_CAMERAS)
+
+    @model_validator(mode="after")
+    def _unique(self) -> Self:
+        names = [camera.name for camera in self.cameras]
+        if len(set(names)) != len(names):
+            raise ValueError(f"rig {self.name}: names of cameras must be unique; there are {names}")
+        return self
+
+    def camera(self, name: str) -> Camera:
+        """The camera of that name. Raises KeyError."""
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        raise KeyError(name)
+
+    def scaled_to(self, longer_side_px: int) -> "Rig":
+        """All cameras with pictures whose longer side has so many pixels."""
+        return self.model_copy(update={"cameras": tuple(c.scaled_to(longer_side_px) for c in self.cameras)})
+
+
+def pinhole_camera(
+    name: str,
+    width: int,
+    height: int,
+    *,
+    horizontal_fov_deg: float = 90.0,
+    heading_deg: float = 0.0,
+    pitch_deg: float = 0.0,
+    offset: MountingOffset | None = None,
+) -> Camera:
+    """Square pixels, the principal point in the picture's middle: f = (W / 2) / tan(FoV / 2)."""
+    focal_px = round(width / 2.0 / math.tan(math.radians(horizontal_fov_deg) / 2.0), 9)  # 90 degrees: W / 2 to the bit
+    return Camera(
+        name=name,
+        width=width,
+        height=height,
+        fx_px=focal_px,
+        fy_px=focal_px,
+        cx_px=width / 2.0,
+        cy_px=height / 2.0,
+        heading_deg=heading_deg,
+        pitch_deg=pitch_deg,
+        offset=offset or MountingOffset(),
+    )
+
+
+def rig_names() -> tuple[str, ...]:
+    """The rigs that ship with the project."""
+    folder = resources.files("contracts") / "rigs"
+    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def shipped_rig(name: str) -> Rig:
+    """The rig of that name. Raises BadRig."""
+    if name not in rig_names():
+        raise BadRig(f"there is no rig {name!r}; there are {', '.join(rig_names())}, or give a file")
+    return parse_rig((resources.files("contracts") / "rigs" / f"{name}.toml").read_text(encoding="utf-8"), name)
+
+
+def load_rig(name_or_file: str) -> Rig:
+    """A shipped rig by its name, or a rig from a TOML file. Raises BadRig."""
+    if name_or_file in rig_names():
+        return shipped_rig(name_or_file)
+    path = Path(name_or_file)
+    if not path.is_file():
+        raise BadRig(f"{name_or_file} is neither a file nor one of the shipped rigs: {', '.join(rig_names())}")
+    try:
+        if path.stat().st_size > MAX_RIG_BYTES:
+            raise BadRig(f"{path} is larger than {MAX_RIG_BYTES} bytes: that is no rig")
+        return parse_rig(path.read_text(encoding="utf-8"), str(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadRig(f"{path} can't be read: {error}") from None
+
+
+def parse_rig(text: str, source: str) -> Rig:
+    """A rig from TOML: `name` and `[[cameras]]`, each with `horizontal_fov_deg` or with focal lengths and principal
+    point in pixels. `source` is named in errors. Raises BadRig."""
+    try:
+        document = tomllib.loads(text)
+        cameras = [_camera(entry) for entry in document.pop("cameras", [])]
+        return Rig.model_validate({**document, "cameras": cameras})
+    except tomllib.TOMLDecodeError as error:
+        raise BadRig(f"{source} is not TOML: {error}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise BadRig(f"{source} is not a rig: {where}: {first['msg']}") from None
+    except (TypeError, ValueError, AttributeError) as error:
+        raise BadRig(f"{source} is not a rig: {error}") from None
+
+
+def _camera(entry: dict[str, object]) -> dict[str, object] | Camera:
+    if "horizontal_fov_deg" not in entry:
+        return entry
+    clash = sorted({"fx_px", "fy_px", "cx_px", "cy_px"} & set(entry))
+    if clash:
+        raise ValueError(f"a camera with horizontal_fov_deg has no {', '.join(clash)}: give one or the other")
+    rest = dict(entry)
+    fov = rest.pop("horizontal_fov_deg")
+    if not isinstance(fov, int | float) or not 0.0 < fov < 180.0:
+        raise ValueError(f"horizontal_fov_deg must lie between 0 and 180, not {fov!r}")
+    width, height = rest.get("width"), rest.get("height")
+    if not isinstance(width, int) or not isinstance(height, int):
+        raise ValueError("a camera needs width and height in whole pixels")
+    pinhole = pinhole_camera("camera", width, height, horizontal_fov_deg=float(fov))
+    return pinhole.model_dump(exclude={"name", "heading_deg", "pitch_deg", "offset"}) | rest
