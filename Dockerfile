@@ -14,6 +14,7 @@ COPY contracts contracts
 COPY navigation navigation
 COPY service_kit service_kit
 COPY services services
+COPY mission mission
 COPY orchestrator orchestrator
 COPY vld vld
 RUN uv sync --quiet --frozen --no-dev --no-editable --extra ${extra}

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
+from mission.clients import Addresses, Services
 from orchestrator.app import build_app
-from orchestrator.clients import Addresses, Services
 from orchestrator.desk import Desk
 from service_kit.settings import BadSetting, Settings
 

@@ -17,8 +17,8 @@ from rich.table import Table
 
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult
 from contracts.scene import Scene
+from mission.clients import Addresses, Services
 from orchestrator import mission_options, sample_library
-from orchestrator.clients import Addresses, Services
 from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from orchestrator.delivery import BadDelivery, Order, Run
 from orchestrator.doctor import calibrate_with, examine, print_calibration, print_findings

@@ -8,10 +8,10 @@ from pathlib import Path
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, MissionSettings
 from contracts.scene import Scene
 from contracts.sim import EpisodeQuestion
+from mission.mission import Mission
+from mission.ports import Ports
+from mission.record import Record, new_id, now
 from orchestrator import sample_library
-from orchestrator.mission import Mission
-from orchestrator.ports import Ports
-from orchestrator.record import Record, new_id, now
 from orchestrator.summary import draw_summary
 
 log = logging.getLogger("orchestrator.delivery")

@@ -6,9 +6,9 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event
+from mission.ports import Ports
+from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
 from orchestrator.delivery import BadDelivery, Order, Run
-from orchestrator.ports import Ports
-from orchestrator.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
 from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
 
 log = logging.getLogger("orchestrator.desk")

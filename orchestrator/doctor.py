@@ -15,11 +15,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from mission.wording import counted
 from orchestrator import sample_library
 from orchestrator.calibrate.ask import Calibration, advice, calibrate, in_words
 from orchestrator.calibrate.fit import Convention
 from orchestrator.processes import PORTS, Processes, free_ports, is_free
-from orchestrator.wording import counted
 from service_kit.client import ServiceClient
 
 ENOUGH_DISK_BYTES = 1 << 30

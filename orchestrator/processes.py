@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
 
-from orchestrator.clients import Addresses
+from mission.clients import Addresses
 from service_kit.client import ServiceClient
 
 HOST = "127.0.0.1"

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.orchestrator import Delivery, DeliveryResult, Event
-from orchestrator.record import read_delivery, read_events
-from orchestrator.wording import counted
+from mission.record import read_delivery, read_events
+from mission.wording import counted
 
 Canvas = NDArray[np.uint8]
 Colour = tuple[int, int, int]

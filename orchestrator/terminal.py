@@ -10,8 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from contracts.orchestrator import DeliveryResult, Event
+from mission.wording import counted
 from orchestrator.console import Printed, Redrawn
-from orchestrator.wording import counted
 
 PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
 MOST_LINES, FEWEST_LINES, OTHER_LINES = 16, 4, 18

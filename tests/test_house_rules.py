@@ -17,7 +17,7 @@ ALLOWED = {
     "services": {"contracts", "navigation", "service_kit"},
     "mission": {"contracts", "navigation", "service_kit"},
     "orchestrator": {"contracts", "navigation", "service_kit", "mission"},
-    "vld": {"contracts", "navigation", "orchestrator"},
+    "vld": {"contracts", "navigation", "service_kit", "mission", "orchestrator"},
     # draws its streets in process and cuts crops as the gateway does; nothing imports it
     "training": {"contracts", "navigation", "vld", "services.sim", "services.vlm_gateway"},
 }

@@ -11,7 +11,7 @@ import pytest
 from contracts.orchestrator import Delivery, Event
 from orchestrator.app import build_app
 from orchestrator.desk import Desk
-from tests.orchestrator.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"

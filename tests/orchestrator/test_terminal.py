@@ -8,7 +8,7 @@ from rich.console import Console
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, Event
 from orchestrator.delivery import Order, Run
 from orchestrator.terminal import LiveView, PlainView, print_result
-from tests.orchestrator.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
 
 REQUEST = "floor 4, [bold] the green flower pot"
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from orchestrator.clients import Addresses, Services
+from mission.clients import Addresses, Services
 from orchestrator.processes import PORTS, Processes, free_ports, oracle_settings, own_environment
 
 

@@ -16,11 +16,11 @@ import pytest
 from contracts.geometry import Point3
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, Event, MissionSettings
 from contracts.scene import FreePlace, SceneObject
+from mission.clients import Addresses, Services
+from mission.record import read_events
 from orchestrator import sample_library
-from orchestrator.clients import Addresses, Services
 from orchestrator.delivery import Order, Run
 from orchestrator.processes import FLIGHT_SERVICES, free_ports
-from orchestrator.record import read_events
 
 SMALL = MissionSettings(image_size=320)
 SAMPLE = "green-flower-pot"

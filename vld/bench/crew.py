@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from contracts.base import Wire
-from orchestrator.record import now
+from mission.record import now
 from vld.bench.serving import LINE_LIMIT, Ready
 from vld.bench.worker import Job, Order
 from vld.records import EpisodeRecord, Task

@@ -19,7 +19,7 @@ from typing import IO, Self
 
 from pydantic import ValidationError
 
-from orchestrator.record import write_whole
+from mission.record import write_whole
 from vld.records import EpisodeRecord, RunSettings, Task
 from vld.tasks import BadTasks, TaskSet, packed, read
 

@@ -8,8 +8,8 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from mission.wording import counted
 from orchestrator.console import Printed, Redrawn
-from orchestrator.wording import counted
 from vld.bench.run import Standing
 from vld.metrics.proportion import proportion
 

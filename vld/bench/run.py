@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from orchestrator.record import now, write_whole
+from mission.record import now, write_whole
 from vld.bench.crew import Hand, Member, WorkerBroke, WorkerCantStart, all_at_work, broken_episode
 from vld.bench.folder import RunFolder
 from vld.bench.table import write_parquet

@@ -21,11 +21,11 @@ from contracts.base import Name, Wire
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
 from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
-from orchestrator.clients import Services
-from orchestrator.mission import Mission
-from orchestrator.ports import PortError, Ports, World
+from mission.clients import Services
+from mission.mission import Mission
+from mission.ports import PortError, Ports, World
+from mission.record import Log, Pictures, Record, now
 from orchestrator.processes import FLIGHT_SERVICES, CannotStart, Child, Processes, free_ports, own_environment
-from orchestrator.record import Log, Pictures, Record, now
 from vld.bench.serving import answer_lines
 from vld.metrics.taxonomy import reason_of
 from vld.records import EpisodeRecord, Task

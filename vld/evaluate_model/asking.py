@@ -19,7 +19,7 @@ from contracts.vlm_gateway import (
     Outcome,
     View,
 )
-from orchestrator.ports import ModelUnreachable, Vision
+from mission.ports import ModelUnreachable, Vision
 from vld.evaluate_model.cases import Case, Front, Look
 from vld.evaluate_model.questions import Role, questions
 
@@ -64,7 +64,7 @@ class Answers(Wire):
 
 
 class Asker:
-    """Asks one model. Raises orchestrator.ports.PortError where the gateway itself fails, OSError."""
+    """Asks one model. Raises mission.ports.PortError where the gateway itself fails, OSError."""
 
     def __init__(self, vision: Vision, folder: Path, catalogue: Catalogue, model: Name | None) -> None:
         self._vision = vision

@@ -16,11 +16,11 @@ from rich.table import Table
 
 from contracts.orchestrator import SightingSettings
 from contracts.sim import Catalogue
-from orchestrator.clients import Services
+from mission.clients import Services
+from mission.ports import PortError
+from mission.record import write_whole
 from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
-from orchestrator.ports import PortError
 from orchestrator.processes import CannotStart, Processes, free_ports, own_environment
-from orchestrator.record import write_whole
 from vld.bench.folder import BadFolder
 from vld.evaluate_model.asking import Answers, Asker
 from vld.evaluate_model.card import card, told

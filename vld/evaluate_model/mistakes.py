@@ -6,7 +6,7 @@ from pathlib import Path
 
 from contracts.geometry import Heading
 from contracts.sim import VisibleObject
-from orchestrator.wording import with_article
+from mission.wording import with_article
 from vld.evaluate_model.asking import Answers
 from vld.evaluate_model.cases import Case, Look
 from vld.evaluate_model.drawing import Tile

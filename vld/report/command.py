@@ -9,8 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from contracts.base import Wire
+from mission.record import write_whole
 from orchestrator.console import WRONG_INPUT, stop
-from orchestrator.record import write_whole
 from vld.bench.folder import BadFolder
 from vld.metrics.breakdown import GroupingName
 from vld.report import by_group

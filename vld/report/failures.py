@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import NamedTuple, get_args
 
 from contracts.orchestrator import Event
-from orchestrator.record import read_events
-from orchestrator.wording import counted
+from mission.record import read_events
+from mission.wording import counted
 from vld.metrics.floor_localization import height_error_m
 from vld.records import EpisodeRecord, Reason, Task
 from vld.report.markup import Html, join, number, tag

@@ -5,7 +5,7 @@ from importlib.resources import files
 from typing import get_args
 
 from contracts.scene import BuildingKind
-from orchestrator.wording import counted
+from mission.wording import counted
 from vld.records import Reason
 from vld.report import charts
 from vld.report.failures import REASONS, failures_of, gallery

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from contracts.geometry import Pose
 from contracts.images import BadImage, image_header
 from contracts.orchestrator import Event
-from orchestrator.record import PICTURE_NAME
+from mission.record import PICTURE_NAME
 from vld.metrics.taxonomy import in_plain_view
 from vld.records import Reason, Task
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import combinations
 
-from orchestrator.wording import counted
+from mission.wording import counted
 from vld.report import charts
 from vld.report.markup import Html, join, number, p_value, tag
 from vld.report.runs import Run

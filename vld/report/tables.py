@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from orchestrator.wording import counted
+from mission.wording import counted
 from vld.report import paper
 from vld.report.markup import Html, interval, join, number, p_value, percent, tag, text
 from vld.report.runs import Run

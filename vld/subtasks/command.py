@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from mission.record import write_whole
 from orchestrator.console import FAILED, INTERRUPTED, WRONG_INPUT, Printed, Redrawn, bar, interruptible, stop
-from orchestrator.record import write_whole
 from vld.records import RunSettings, Task
 from vld.subtasks.crew import CannotAsk, ask_all
 from vld.subtasks.figures import Subtask, SubtaskScores

@@ -27,11 +27,11 @@ from contracts.vlm_gateway import (
     Role,
     View,
 )
-from orchestrator.asking import Answered, CallBook
-from orchestrator.marks import mark_points
-from orchestrator.phases.explore import marks_of, search_task
-from orchestrator.ports import ModelUnreachable, Ports
-from orchestrator.sortie import Sight, ahead
+from mission.asking import Answered, CallBook
+from mission.marks import mark_points
+from mission.phases.explore import marks_of, search_task
+from mission.ports import ModelUnreachable, Ports
+from mission.sortie import Sight, ahead
 from vld.metrics.model_calls import together
 from vld.records import Task
 from vld.sim_client import SimClient

@@ -9,8 +9,8 @@ import sys
 from pathlib import Path
 
 from contracts.base import Wire
-from orchestrator.clients import Services
-from orchestrator.ports import PortError
+from mission.clients import Services
+from mission.ports import PortError
 from orchestrator.processes import Processes, free_ports, own_environment
 from vld.bench.serving import answer_lines
 from vld.records import Task

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from contracts.depth_assist import ViewpointSettings
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
-from orchestrator.record import Record
+from mission.record import Record
 from tests.vld.evaluation_kit import a_record, a_result, a_run, a_task, a_verdict, delivered, run_settings, stops
 from vld.bench.folder import BadFolder
 from vld.metrics.model_calls import RoleCalls

@@ -8,11 +8,11 @@ from rich.console import Console
 
 from contracts.geometry import Point3
 from contracts.llm_parser import ParseAnswer, ParseQuestion
+from mission.clients import Services
+from mission.ports import ModelUnreachable
 from orchestrator import sample_library
-from orchestrator.clients import Services
-from orchestrator.ports import ModelUnreachable
 from orchestrator.processes import FLIGHT_SERVICES, Processes, free_ports, oracle_settings, own_environment
-from tests.orchestrator.box_world import BlockWorld, block_ports
+from tests.mission.box_world import BlockWorld, block_ports
 from tests.vld.evaluation_kit import a_task
 from vld.records import Task
 from vld.shortest import goal_slot

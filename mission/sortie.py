@@ -15,10 +15,10 @@ from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point3, Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.orchestrator import MissionSettings, OutcomeName, Phase, Stop
 from contracts.sim import Episode, Move, MoveResult, Observation, SensedView
-from orchestrator.asking import CallBook
-from orchestrator.ports import Ports, ServiceRefused
-from orchestrator.record import Log, Pictures
-from orchestrator.wording import with_article
+from mission.asking import CallBook
+from mission.ports import Ports, ServiceRefused
+from mission.record import Log, Pictures
+from mission.wording import with_article
 
 T = TypeVar("T")
 

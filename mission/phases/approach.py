@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ApproachSettings
 from contracts.geometry import Box, Point3, Pose
-from orchestrator.phases.explore import Exploration, Found
-from orchestrator.sighting import project
-from orchestrator.sortie import Look, Sight, Sortie, distance_m
+from mission.phases.explore import Exploration, Found
+from mission.sighting import project
+from mission.sortie import Look, Sight, Sortie, distance_m
 
 MAX_LEGS = 8
 LOOK_AGAIN_M = 5.0

@@ -12,9 +12,9 @@ from contracts.orchestrator import DeliveryResult, Event, MissionSettings
 from contracts.scene import FreePlace, Scene, SceneObject
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, FloorCountQuestion, Match
-from orchestrator.mission import Mission
-from orchestrator.ports import ModelUnreachable, Ports, ServiceUnreachable
-from tests.orchestrator.box_world import (
+from mission.mission import Mission
+from mission.ports import ModelUnreachable, Ports, ServiceUnreachable
+from tests.mission.box_world import (
     WHO,
     Block,
     BlockVision,

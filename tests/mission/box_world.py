@@ -50,7 +50,7 @@ from contracts.vlm_gateway import (
     FloorCountQuestion,
     Match,
 )
-from orchestrator.ports import Ports, ServiceRefused
+from mission.ports import Ports, ServiceRefused
 from services.depth_assist.app import choose_viewpoint, explore_step, measure_safe_distances, plan_approach
 
 SIZE = 120

@@ -11,6 +11,10 @@ from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.sim import MoveResult
 from contracts.vlm_gateway import BuildingBoxQuestion, FloorCountAnswer, FloorCountQuestion
+from mission.asking import Answered
+from mission.marks import mark_box
+from mission.sortie import MissionEnd, Sight, Sortie, above, ahead
+from mission.wording import counted
 from navigation import facade
 from navigation.floor_localization import (
     Band,
@@ -27,10 +31,6 @@ from navigation.floor_localization import (
     direct_count,
     rows_of_band,
 )
-from orchestrator.asking import Answered
-from orchestrator.marks import mark_box
-from orchestrator.sortie import MissionEnd, Sight, Sortie, above, ahead
-from orchestrator.wording import counted
 
 VERTICAL_FOV_RAD = math.pi / 2
 FACADE = facade.Settings()

@@ -10,8 +10,8 @@ from contracts.geometry import Heading, Point3, Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings, SightingSettings
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
-from orchestrator.mission import Mission
-from tests.orchestrator.box_world import (
+from mission.mission import Mission
+from tests.mission.box_world import (
     WHO,
     Block,
     BlockVision,
@@ -20,7 +20,7 @@ from tests.orchestrator.box_world import (
     block_ports,
     block_scene,
 )
-from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
+from tests.mission.test_mission import BEHIND, REQUEST, Events
 
 CLAIM = 0.8
 IMPOSTOR = (-3.0, -6.2, 10.5)

@@ -11,16 +11,16 @@ from collections.abc import Awaitable
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from contracts.sim import Claim, EpisodeQuestion, Verdict
-from orchestrator.asking import Answered
-from orchestrator.phases.approach import Lost, approach
-from orchestrator.phases.explore import Exploration, Found
-from orchestrator.phases.floors import go_to_floor
-from orchestrator.ports import ModelUnreachable, PortError, Ports, ServiceRefused, ServiceUnreachable
-from orchestrator.record import Log
-from orchestrator.sighting import Dismissed
-from orchestrator.sortie import Look, MissionEnd, Sortie, spoken
+from mission.asking import Answered
+from mission.phases.approach import Lost, approach
+from mission.phases.explore import Exploration, Found
+from mission.phases.floors import go_to_floor
+from mission.ports import ModelUnreachable, PortError, Ports, ServiceRefused, ServiceUnreachable
+from mission.record import Log
+from mission.sighting import Dismissed
+from mission.sortie import Look, MissionEnd, Sortie, spoken
 
-log = logging.getLogger("orchestrator.mission")
+log = logging.getLogger("mission")
 
 MAX_APPROACHES = 8
 END_DEADLINE_S = 5.0

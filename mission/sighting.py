@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from contracts.geometry import Box, Point3
 from contracts.geometry import Pose as WirePose
 from contracts.vlm_gateway import Match
+from mission.sortie import Look, Sight, distance_m
 from navigation.camera import Pose, direction, pinhole, pixel_place
-from orchestrator.sortie import Look, Sight, distance_m
 
 MAX_SIGHTING_M = 25.0
 SAME_FLOOR = 0.75

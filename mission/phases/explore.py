@@ -24,12 +24,12 @@ from contracts.vlm_gateway import (
     Match,
     View,
 )
-from orchestrator.asking import Answered
-from orchestrator.marks import mark_box, mark_points
-from orchestrator.phases.contour import ContourSearch
-from orchestrator.sighting import SAME_PLACE_M, Dismissed, Sighting, facade_returns, locate
-from orchestrator.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m, towards
-from orchestrator.wording import counted, with_article
+from mission.asking import Answered
+from mission.marks import mark_box, mark_points
+from mission.phases.contour import ContourSearch
+from mission.sighting import SAME_PLACE_M, Dismissed, Sighting, facade_returns, locate
+from mission.sortie import Look, MissionEnd, Sight, Sortie, ahead, distance_m, towards
+from mission.wording import counted, with_article
 
 TRIES = 2
 

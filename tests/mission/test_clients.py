@@ -9,8 +9,8 @@ from fastapi import FastAPI
 from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
-from orchestrator.clients import Addresses, Services
-from orchestrator.ports import ModelUnreachable, ServiceRefused
+from mission.clients import Addresses, Services
+from mission.ports import ModelUnreachable, ServiceRefused
 from service_kit.app import create_app
 from service_kit.errors import ServiceError
 

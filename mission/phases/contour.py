@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from contracts.depth_assist import ExploreAnswer, ExploreQuestion
 from contracts.geometry import Point3
-from orchestrator.ports import ServiceRefused
-from orchestrator.sortie import Look, MissionEnd, Sortie
+from mission.ports import ServiceRefused
+from mission.sortie import Look, MissionEnd, Sortie
 
 Plan = ExploreAnswer | ServiceRefused
 BEGIN_ANEW = frozenset({"no_facade", "outside_map"})

@@ -7,10 +7,10 @@ import pytest
 from contracts.geometry import Box, Heading, Point3, Pose
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import Match
-from orchestrator.asking import CallBook
-from orchestrator.sighting import Dismissed, Extent, locate, project
-from orchestrator.sortie import Look, Sight
-from tests.orchestrator.box_world import Block, BlockWorld, block_scene
+from mission.asking import CallBook
+from mission.sighting import Dismissed, Extent, locate, project
+from mission.sortie import Look, Sight
+from tests.mission.box_world import Block, BlockWorld, block_scene
 
 
 async def look_from(pose: Pose) -> Look:

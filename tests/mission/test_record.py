@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 from contracts.orchestrator import Delivery, DeliveryQuestion, Event
+from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events
 from orchestrator.delivery import Order, Run
-from orchestrator.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events
 from orchestrator.summary import draw_summary
-from tests.orchestrator.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
 
 
 def record_in(folder: Path, **options: object) -> Record:

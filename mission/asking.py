@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import MAX_LATENCIES, ModelCalls
 from contracts.vlm_gateway import Answer, Role
-from orchestrator.ports import ModelUnreachable
+from mission.ports import ModelUnreachable
 
 A = TypeVar("A", bound=Answer | ParseAnswer)
 

@@ -10,11 +10,11 @@ from contracts.depth_assist import ViewpointSettings
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
+from mission.mission import Mission
 from orchestrator.delivery import Order, Run
-from orchestrator.mission import Mission
 from orchestrator.summary import GOOD
-from tests.orchestrator.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
-from tests.orchestrator.test_mission import BEHIND, REQUEST, Events
+from tests.mission.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
+from tests.mission.test_mission import BEHIND, REQUEST, Events
 
 CONTOUR = ViewpointSettings(policy="contour")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from orchestrator.phases.explore import search_task
-from orchestrator.wording import counted, with_article
+from mission.phases.explore import search_task
+from mission.wording import counted, with_article
 
 
 @pytest.mark.parametrize(

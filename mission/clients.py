@@ -30,7 +30,7 @@ from contracts.vlm_gateway import (
     FloorCountAnswer,
     FloorCountQuestion,
 )
-from orchestrator.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
+from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
 
 M = TypeVar("M", bound=BaseModel)
