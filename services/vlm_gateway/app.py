@@ -1,4 +1,4 @@
-"""vlm_gateway's doors."""
+"""vlm_gateway's routes."""
 
 import asyncio
 import time
@@ -26,13 +26,13 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion, ServiceError
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
-from services.vlm_gateway.backends.chat import ChatBackend
+from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.gateway import Gateway
-from services.vlm_gateway.hot.door import HotDoor
+from services.vlm_gateway.hot.calls import Models
+from services.vlm_gateway.hot.deadline import caller_left, stated_timeout_s, too_late
+from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.hot.log import RequestLog
-from services.vlm_gateway.hot.models import Models
 from services.vlm_gateway.hot.server import PATH
-from services.vlm_gateway.hot.watch import caller_left, stated_timeout_s, too_late
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import gauge
 
@@ -50,8 +50,8 @@ def build_app(
     log_share: float = 0.0,
     max_body_bytes: int = MAX_BODY_BYTES,
     body_within_s: float = BODY_WITHIN_S,
-) -> HotDoor:
-    """The service over a wired `gateway`: the framework's app behind the door for chats. Its cache is started and
+) -> Frontend:
+    """The service over a wired `gateway`: the framework's app behind the frontend for chats. Its cache is started and
     everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
     in the log."""
     started_at = time.time()
@@ -149,7 +149,7 @@ def build_app(
             cached = {"mode": cache.mode, "place": cache.place, "state": cache.state}
         return {"models": models, "roles": dict(gateway.roles), "cache": cached}
 
-    return HotDoor(
+    return Frontend(
         app,
         passed_on,
         keys or Keys({}),

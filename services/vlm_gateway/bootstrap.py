@@ -10,12 +10,11 @@ from service_kit.metrics import HttpMetrics
 from service_kit.settings import BadSetting, Settings
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
-from services.vlm_gateway.backends.chat import ChatBackend
 from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.opened import cache_of
-from services.vlm_gateway.chat.upstream import Upstream
+from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import (
     ChatModelConfig,
     EmbeddedModelConfig,
@@ -27,14 +26,15 @@ from services.vlm_gateway.config import (
     load_config,
 )
 from services.vlm_gateway.gateway import Gateway
-from services.vlm_gateway.hot.door import HotDoor
+from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics, Price
+from services.vlm_gateway.upstream.client import Upstream
 
 DEFAULT_PORT = 8102
 
 
-def build(settings: Settings) -> HotDoor:
+def build(settings: Settings) -> Frontend:
     """Raises BadSetting, naming what is wrong and what would be right."""
     path = settings.text("GATEWAY_CONFIG")
     sim_url = settings.text("ORACLE_SIM_URL")

@@ -9,11 +9,11 @@ from pydantic import ValidationError
 from contracts.vlm_gateway import Answer, CacheResult, Question, Role
 from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.backends.base import Backend, shortened
-from services.vlm_gateway.backends.chat import ChatBackend
 from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.keys import answer_key
 from services.vlm_gateway.cache.port import CacheDown
+from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.errors import CacheUnavailable, NotRecorded
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.metrics import GatewayMetrics

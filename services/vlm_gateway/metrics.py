@@ -13,8 +13,8 @@ from prometheus_client.registry import Collector
 
 from contracts.vlm_gateway import Tokens
 from service_kit.metrics import Spreads, Sums
-from services.vlm_gateway.chat.replies import Spent
 from services.vlm_gateway.keys import asking
+from services.vlm_gateway.upstream.replies import Spent
 
 _BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 _TOKEN_BUCKETS = (1, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536, 262_144, 1_048_576)

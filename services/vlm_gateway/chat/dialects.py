@@ -2,24 +2,16 @@
 Ollama's native one."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from pydantic_core import to_json
 
 from services.vlm_gateway.chat.grammar import gbnf
 from services.vlm_gateway.chat.prompts import Message
-from services.vlm_gateway.chat.replies import Api
 from services.vlm_gateway.chat.schemas import Form
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.presets import Structured
-
-
-class Call(NamedTuple):
-    """What goes over the wire: `api` says how the reply is to be read."""
-
-    api: Api
-    url: str
-    body: bytes
+from services.vlm_gateway.upstream.client import Call
 
 
 def call(model: ChatModel, conversation: Sequence[Message], form: Form, structured: Structured) -> Call:

@@ -7,8 +7,8 @@ from collections.abc import AsyncGenerator, Callable
 from pydantic_core import from_json
 
 from services.vlm_gateway.cache.guard import MAX_VALUE_BYTES
-from services.vlm_gateway.chat.replies import Spent, tokens_of
 from services.vlm_gateway.errors import ModelUnreachable
+from services.vlm_gateway.upstream.replies import Spent, tokens_of
 
 _ENDS = (b"\ndata: [DONE]", b"\ndata:[DONE]")
 _TOLD_WHY = re.compile(rb'"finish_reason"\s*:\s*"[^\n]*\n\r?\n')

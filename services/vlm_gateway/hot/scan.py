@@ -10,15 +10,15 @@ and what is sent on is the skeleton, its model's name exchanged, with the pictur
 
 import re
 import secrets
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pybase64
 from jiter import from_json
 from pydantic_core import to_json
 
-from services.vlm_gateway.chat.request import DROPPED, PASSED, Chat, check_chat, invalid
-from services.vlm_gateway.hot.connection import Buffer
+from services.vlm_gateway.hot.request import DROPPED, PASSED, Chat, check_chat, invalid
+from services.vlm_gateway.upstream.client import Wanted
+from services.vlm_gateway.upstream.connection import Buffer
 
 _MIN_CUT = 256
 _MAX_HOLES = 1000
@@ -42,15 +42,6 @@ class Scanned(NamedTuple):
     def says_temperature_0(self) -> bool:
         """A first guess, good enough to look an answer up by: what is stored was read properly."""
         return _TEMPERATURE_0.search(self.skeleton) is not None
-
-
-class Wanted(NamedTuple):
-    """What a target makes of a request: its model's name as JSON, its name for the length limit, fields to add where
-    the client does not give them."""
-
-    model_json: bytes
-    limit_field: str
-    extra: Mapping[str, Any]
 
 
 def scan(raw: bytes) -> Scanned:

@@ -14,7 +14,7 @@ import httptools
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
-from services.vlm_gateway.hot.visit import Visit
+from services.vlm_gateway.hot.exchange import Exchange
 
 PATH = "/v1/chat/completions"
 MAX_AHEAD = 4
@@ -23,22 +23,22 @@ so that a caller who leaves is noticed."""
 _PATH = PATH.encode()
 
 
-class Door(Protocol):
+class ChatServer(Protocol):
     """Who serves the chats."""
 
     max_body_bytes: int
 
-    def chat(self, visit: Visit) -> Coroutine[Any, Any, None]: ...
+    def chat(self, exchange: Exchange) -> Coroutine[Any, Any, None]: ...
 
 
-class HotProtocol(HttpToolsProtocol):
+class CallerProtocol(HttpToolsProtocol):
     """One connection of a caller."""
 
-    def __init__(self, door: Door, **uvicorns: Any) -> None:
+    def __init__(self, frontend: ChatServer, **uvicorns: Any) -> None:
         super().__init__(**uvicorns)
-        self._door = door
-        self._coming: Visit | None = None
-        self._served: Visit | None = None
+        self._frontend = frontend
+        self._coming: Exchange | None = None
+        self._served: Exchange | None = None
 
     # -- what the parser tells
 
@@ -48,11 +48,11 @@ class HotProtocol(HttpToolsProtocol):
             super().on_headers_complete()
             return
         keep_alive = self.parser.get_http_version() != "1.0" and self.parser.should_keep_alive()
-        visit = Visit(self, self.headers, keep_alive, self.expect_100_continue, self._door.max_body_bytes)
-        before, self.cycle = self.cycle, cast(RequestResponseCycle, visit)  # as far as its connection looks at it
-        self._coming = visit
+        exchange = Exchange(self, self.headers, keep_alive, self.expect_100_continue, self._frontend.max_body_bytes)
+        before, self.cycle = self.cycle, cast(RequestResponseCycle, exchange)  # as far as its connection looks at it
+        self._coming = exchange
         if before is None or before.response_complete:
-            self._serve(visit)
+            self._serve(exchange)
         else:
             self.pipeline.appendleft((self.cycle, self.app))
             if len(self.pipeline) == MAX_AHEAD:
@@ -82,16 +82,16 @@ class HotProtocol(HttpToolsProtocol):
             self._served.left()
         super().connection_lost(exc)
 
-    def _start_asgi_task(self, cycle: RequestResponseCycle | Visit, app: Any) -> None:
+    def _start_asgi_task(self, cycle: RequestResponseCycle | Exchange, app: Any) -> None:
         """Also called for what was pipelined, when its turn has come."""
-        if isinstance(cycle, Visit):
+        if isinstance(cycle, Exchange):
             self._serve(cycle)
         else:
             super()._start_asgi_task(cycle, app)
 
-    def _serve(self, visit: Visit) -> None:
-        self._served = visit
-        task = self.loop.create_task(self._door.chat(visit))
-        visit.begins(task)
+    def _serve(self, exchange: Exchange) -> None:
+        self._served = exchange
+        task = self.loop.create_task(self._frontend.chat(exchange))
+        exchange.begins(task)
         self.tasks.add(task)
         task.add_done_callback(self.tasks.discard)

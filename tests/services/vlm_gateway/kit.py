@@ -16,15 +16,15 @@ from contracts.images import encode_jpeg
 from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend, Picture
-from services.vlm_gateway.backends.chat import ChatBackend
 from services.vlm_gateway.cache.guard import GuardedCache, Mode
 from services.vlm_gateway.cache.port import Cache
 from services.vlm_gateway.cache.sqlite import SqliteCache
-from services.vlm_gateway.chat.upstream import Upstream
+from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import ChatModel, ChatModelConfig, chat_model
 from services.vlm_gateway.gateway import Gateway
-from services.vlm_gateway.hot.door import HotDoor
+from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.upstream.client import Upstream
 from tests.services.vlm_gateway.openai_mock import OpenAiMock
 
 HEADINGS = (-90, -45, 0, 45, 90)
@@ -77,7 +77,7 @@ def chat_backend(mock: OpenAiMock | None, *, key: str | None = None, **changes: 
 
 
 class Built(NamedTuple):
-    app: HotDoor
+    app: Frontend
     gateway: Gateway
 
 

@@ -11,7 +11,7 @@ import pytest
 from contracts.vlm_gateway import MarkedPoint
 from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk
-from services.vlm_gateway.backends.chat import ChatBackend
+from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.errors import ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
 from tests.services.vlm_gateway.kit import HEADINGS, chat_backend, picture
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, completion, cuts, hangs, says, sends, status

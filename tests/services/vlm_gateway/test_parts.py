@@ -11,9 +11,9 @@ from services.vlm_gateway.cache.guard import MAX_PENDING, GuardedCache
 from services.vlm_gateway.cache.keys import answer_key
 from services.vlm_gateway.cache.port import CacheDown, CacheFull, Entry
 from services.vlm_gateway.chat.extract import json_values, without_reasoning
-from services.vlm_gateway.chat.replies import retry_after_s
 from services.vlm_gateway.errors import ModelOverloaded
 from services.vlm_gateway.flights import Flights
+from services.vlm_gateway.upstream.replies import retry_after_s
 
 
 class Clock:

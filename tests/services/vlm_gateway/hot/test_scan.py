@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from service_kit.errors import BadQuestion
-from services.vlm_gateway.hot.scan import Wanted, read, rewritten, scan
+from services.vlm_gateway.hot.scan import read, rewritten, scan
+from services.vlm_gateway.upstream.client import Wanted
 from tests.services.vlm_gateway.kit import picture_base64
 
 WANTED = Wanted(b'"maker/model"', "max_tokens", {})

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import pytest
 
-from services.vlm_gateway.hot.connection import MAX_HEAD_BYTES, BrokenReply, Reply
-from services.vlm_gateway.hot.http1 import Pool, Server
+from services.vlm_gateway.upstream.connection import MAX_HEAD_BYTES, BrokenReply, Reply
+from services.vlm_gateway.upstream.pool import Pool, Server
 
 HELLO = b"HTTP/1.1 200 OK\r\ncontent-length: 5\r\n\r\nhello"
 CHUNKED = b"HTTP/1.1 200 OK\r\ntransfer-encoding: chunked\r\n\r\n"

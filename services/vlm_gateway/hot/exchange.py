@@ -13,7 +13,7 @@ from uvicorn.server import ServerState
 
 from contracts.vlm_gateway import CacheResult
 from service_kit.errors import BadQuestion, ServiceError
-from services.vlm_gateway.hot.watch import Watch, caller_left, stated_timeout_s
+from services.vlm_gateway.hot.deadline import Deadline, caller_left, stated_timeout_s
 from services.vlm_gateway.keys import ANYBODY, Key
 
 _TRACEPARENT = re.compile(rb"00-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
@@ -60,7 +60,7 @@ def head_of(headers: Iterable[Header]) -> Head:
 
 
 class Line(Protocol):
-    """The connection that a visit came on, as uvicorn keeps it."""
+    """The connection that a exchange came on, as uvicorn keeps it."""
 
     transport: asyncio.Transport
     flow: FlowControl
@@ -69,7 +69,7 @@ class Line(Protocol):
     def on_response_complete(self) -> None: ...
 
 
-class Visit:
+class Exchange:
     """`size` is how many bytes of the body have come, `status` and `sent` (bytes of the answer) what its caller saw.
     To its connection it is a cycle of uvicorn's: `keep_alive`, `disconnected`, `response_complete` and `message_event`
     are what is looked at there."""
@@ -109,8 +109,8 @@ class Visit:
     # -- what the connection tells
 
     def begins(self, task: asyncio.Task[None]) -> None:
-        """It is this task that serves the visit."""
-        self.watch = Watch(task)
+        """It is this task that serves the exchange."""
+        self.deadline = Deadline(task)
 
     def came(self, piece: bytes) -> None:
         """A piece of the body; of one that is too large, or answered already, no more is kept."""
@@ -129,13 +129,13 @@ class Visit:
         """The caller is gone."""
         self.disconnected = True
         if not self.response_complete:
-            self.watch.end(caller_left())
+            self.deadline.end(caller_left())
 
     def _wake(self) -> None:
         if self._waiter is not None and not self._waiter.done():
             self._waiter.set_result(None)
 
-    # -- what its door asks for
+    # -- what the frontend asks for
 
     async def body(self) -> bytes:
         """All of it. Raises ServiceError where it is over its bound."""
@@ -188,7 +188,7 @@ class Visit:
 
     def close(self) -> None:
         """Nothing follows: what has no end by now is broken off."""
-        self.watch.unlimited()
+        self.deadline.unlimited()
         if not self.response_complete:
             self.response_complete = True
             self._line.transport.close()

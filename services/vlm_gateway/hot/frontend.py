@@ -28,13 +28,13 @@ from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.port import CacheDown
 from services.vlm_gateway.errors import CacheUnavailable, ModelOverloaded, NotRecorded
 from services.vlm_gateway.flights import Flights
+from services.vlm_gateway.hot.calls import Answered, ChatCall, Models
+from services.vlm_gateway.hot.deadline import slow_body, too_late
+from services.vlm_gateway.hot.exchange import Exchange, Head, Stored, head_of, too_large
 from services.vlm_gateway.hot.log import RequestLog
-from services.vlm_gateway.hot.models import Answered, Errand, Models
 from services.vlm_gateway.hot.relay import Broadcast
 from services.vlm_gateway.hot.scan import Scanned, read, scan
-from services.vlm_gateway.hot.server import PATH, HotProtocol
-from services.vlm_gateway.hot.visit import Head, Stored, Visit, head_of, too_large
-from services.vlm_gateway.hot.watch import slow_body, too_late
+from services.vlm_gateway.hot.server import PATH, CallerProtocol
 from services.vlm_gateway.keys import Forbidden, Key, Keys, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 
@@ -53,7 +53,7 @@ _JSON = b"application/json"
 _EVENTS = b"text/event-stream; charset=utf-8"
 
 
-class HotDoor:
+class Frontend:
     """Chats, whole, and an ASGI app for everything else: that of the framework, behind the same keys."""
 
     def __init__(
@@ -88,7 +88,7 @@ class HotDoor:
     @property
     def http_protocol(self) -> Callable[..., asyncio.Protocol]:
         """What the server is to speak with callers by."""
-        return partial(HotProtocol, self)
+        return partial(CallerProtocol, self)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Everything but chats: the same keys and budgets, then the framework."""
@@ -115,44 +115,44 @@ class HotDoor:
             if counted:
                 key.leave()
 
-    async def chat(self, visit: Visit) -> None:
+    async def chat(self, exchange: Exchange) -> None:
         """One chat, its errors and its figures."""
         self._http.in_flight += 1
         try:
-            head = visit.head
-            visit.key = self._keys.of(head.authorization)
-            visit.key.enter()
-            asking.set(visit.key)
+            head = exchange.head
+            exchange.key = self._keys.of(head.authorization)
+            exchange.key.enter()
+            asking.set(exchange.key)
             try:
-                await self._watched(head, visit)
+                await self._watched(head, exchange)
             finally:
-                visit.key.leave()
+                exchange.key.leave()
         except ServiceError as error:
-            self._fail(error, visit)
+            self._fail(error, exchange)
         except Exception as error:
             log.error("unexpected error in a chat", exc_info=error)
             message = "an unexpected error; the service's log has the details"
-            self._fail(ServiceError(message), visit)
+            self._fail(ServiceError(message), exchange)
         finally:
-            visit.close()
+            exchange.close()
             self._http.in_flight -= 1
-            self._count(visit)
+            self._count(exchange)
 
-    def _fail(self, error: ServiceError, visit: Visit) -> None:
+    def _fail(self, error: ServiceError, exchange: Exchange) -> None:
         """An error answer, or where a stream has begun its last event."""
-        visit.outcome = error.code
+        exchange.outcome = error.code
         if error.status in (401, 429):
-            self._metrics.refused(visit.key.name, error.code)
-        if not visit.started:
+            self._metrics.refused(exchange.key.name, error.code)
+        if not exchange.started:
             if error.status in (408, 413):
-                visit.keep_alive = False  # what is left of the body is not going to be read
-            visit.tell(_rendered(error))
-        elif not visit.response_complete:
-            visit.last(_event(error))
+                exchange.keep_alive = False  # what is left of the body is not going to be read
+            exchange.tell(_rendered(error))
+        elif not exchange.response_complete:
+            exchange.last(_event(error))
 
-    async def _watched(self, head: Head, visit: Visit) -> None:
+    async def _watched(self, head: Head, exchange: Exchange) -> None:
         """The chat, for as long as its caller stays and is going to wait."""
-        watch = visit.watch
+        deadline = exchange.deadline
         held = 0
         try:
             limit_s = head.timeout_s
@@ -162,60 +162,62 @@ class HotDoor:
                 raise ModelOverloaded("the gateway holds as many bytes of requests as it may; ask again later")
             held = head.length
             self._held += held
-            raw = await self._body(visit)
+            raw = await self._body(exchange)
             self._held += len(raw) - held  # of a body that came without its length
             held = len(raw)
             if limit_s is not None:
-                watch.limit(max(0.001, limit_s - visit.took_s()), partial(too_late, limit_s))
-            await self._served(head, raw, visit)
+                deadline.limit(max(0.001, limit_s - exchange.took_s()), partial(too_late, limit_s))
+            await self._served(head, raw, exchange)
         except asyncio.CancelledError:
-            if watch.why is None:
+            if deadline.why is None:
                 raise
             task = asyncio.current_task()
             assert task is not None
             task.uncancel()
-            raise watch.why from None
+            raise deadline.why from None
         finally:
             self._held -= held
 
-    async def _body(self, visit: Visit) -> bytes:
+    async def _body(self, exchange: Exchange) -> bytes:
         """The request's body, bounded in size and time while it comes in."""
-        if visit.body_is_whole:
-            return await visit.body()
-        visit.watch.limit(self._body_within_s, slow_body)
-        body = await visit.body()
-        visit.watch.unlimited()
+        if exchange.body_is_whole:
+            return await exchange.body()
+        exchange.deadline.limit(self._body_within_s, slow_body)
+        body = await exchange.body()
+        exchange.deadline.unlimited()
         return body
 
-    async def _served(self, head: Head, raw: bytes, visit: Visit) -> None:
+    async def _served(self, head: Head, raw: bytes, exchange: Exchange) -> None:
         scanned = scan(raw)
         cache, digest = self._cache, ""
         replay = cache is not None and cache.mode == "replay"
         if cache is not None and (replay or (scanned.says_temperature_0 if head.cache is None else head.cache)):
-            visit.cache = "miss"
-            digest = self._digest(visit.key, scanned)
+            exchange.cache = "miss"
+            digest = self._digest(exchange.key, scanned)
             if (stored := await self._known(digest, cache)) is not None:
-                visit.alias, visit.cache = stored.alias, "hit"
-                visit.answer(stored.body, _EVENTS if stored.stream else _JSON)
+                exchange.alias, exchange.cache = stored.alias, "hit"
+                exchange.answer(stored.body, _EVENTS if stored.stream else _JSON)
                 return
         big = len(scanned.skeleton) > BIG_SKELETON_BYTES
         scanned, chat = await asyncio.to_thread(read, scanned) if big else read(scanned)
         if digest and not (chat.deterministic or head.cache or replay):
-            digest, visit.cache = "", "off"
-        errand = Errand(self._models.asked(chat, visit.key), scanned, chat, head.trace, digest)
-        visit.alias = errand.targets[0].alias
+            digest, exchange.cache = "", "off"
+        call = ChatCall(self._models.asked(chat, exchange.key), scanned, chat, head.trace, digest)
+        exchange.alias = call.targets[0].alias
         if replay:
-            message = f"this chat with model {visit.alias!r} is not in the recording at {cache.place if cache else ''}"
+            message = (
+                f"this chat with model {exchange.alias!r} is not in the recording at {cache.place if cache else ''}"
+            )
             raise NotRecorded(message, details={"key": digest})
         if chat.stream:
-            await self._stream(errand, visit)
+            await self._stream(call, exchange)
         elif digest:
-            landed = await self._flights.share(digest, partial(self._models.whole, errand))
-            visit.cache = "hit" if landed.shared else "miss"
-            visit.answer(landed.value.body, _JSON, landed.value.alias)
+            landed = await self._flights.share(digest, partial(self._models.whole, call))
+            exchange.cache = "hit" if landed.shared else "miss"
+            exchange.answer(landed.value.body, _JSON, landed.value.alias)
         else:
-            answered = await self._models.whole(errand)
-            visit.answer(answered.body, _JSON, answered.alias)
+            answered = await self._models.whole(call)
+            exchange.answer(answered.body, _JSON, answered.alias)
 
     def _digest(self, key: Key, scanned: Scanned) -> str:
         """What an answer is kept under: everything that says who may have it and what it depends on."""
@@ -245,40 +247,40 @@ class HotDoor:
             self._metrics.cache_failed("get", "unreadable")
         return stored
 
-    async def _stream(self, errand: Errand, visit: Visit) -> None:
+    async def _stream(self, call: ChatCall, exchange: Exchange) -> None:
         """A stream relayed as it comes. Errors before the first event leave as ordinary error answers, one in the
         middle as a last event."""
-        if errand.digest:
-            broadcast = self._streams.get(errand.digest)
-            visit.cache = "miss" if broadcast is None else "hit"
+        if call.digest:
+            broadcast = self._streams.get(call.digest)
+            exchange.cache = "miss" if broadcast is None else "hit"
             if broadcast is None:
-                broadcast = Broadcast(self._models.events(errand), partial(self._streams.pop, errand.digest, None))
-                self._streams[errand.digest] = broadcast
+                broadcast = Broadcast(self._models.events(call), partial(self._streams.pop, call.digest, None))
+                self._streams[call.digest] = broadcast
             pieces = broadcast.read()
         else:
-            pieces = self._models.events(errand)
+            pieces = self._models.events(call)
         try:
             async for piece in pieces:
-                await visit.piece(piece, _EVENTS)
+                await exchange.piece(piece, _EVENTS)
         finally:
             await pieces.aclose()
-        visit.end()
+        exchange.end()
 
-    def _count(self, visit: Visit) -> None:
-        took_s = visit.took_s()
-        self._http.requests.add(PATH, "POST", str(visit.status))
+    def _count(self, exchange: Exchange) -> None:
+        took_s = exchange.took_s()
+        self._http.requests.add(PATH, "POST", str(exchange.status))
         self._http.seconds.add(PATH, "POST", value=took_s)
-        if visit.alias:
-            self._metrics.called("chat", "chat", visit.alias, visit.outcome, visit.cache, took_s)
-        if self._log.wants(visit.status):
+        if exchange.alias:
+            self._metrics.called("chat", "chat", exchange.alias, exchange.outcome, exchange.cache, took_s)
+        if self._log.wants(exchange.status):
             self._log.add(
-                status=visit.status,
-                outcome=visit.outcome,
-                model=visit.alias,
-                key=visit.key.name,
-                cache=visit.cache,
+                status=exchange.status,
+                outcome=exchange.outcome,
+                model=exchange.alias,
+                key=exchange.key.name,
+                cache=exchange.cache,
                 ms=round(took_s * 1000, 2),
-                answer_bytes=visit.sent,
+                answer_bytes=exchange.sent,
             )
 
 

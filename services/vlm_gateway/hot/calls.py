@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.cache.guard import GuardedCache
-from services.vlm_gateway.chat.replies import Said
-from services.vlm_gateway.chat.request import Chat
-from services.vlm_gateway.chat.upstream import Upstream
 from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
+from services.vlm_gateway.hot.exchange import Stored
 from services.vlm_gateway.hot.relay import Kept, Pieces
+from services.vlm_gateway.hot.request import Chat
 from services.vlm_gateway.hot.scan import Scanned, rewritten
-from services.vlm_gateway.hot.visit import Stored
 from services.vlm_gateway.keys import Forbidden, Key
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.upstream.client import Upstream
+from services.vlm_gateway.upstream.replies import Said
 
 _PASSES_ON = (ModelUnreachable, ModelTimeout, ModelOverloaded)
 """What another model may be asked after."""
@@ -27,7 +27,7 @@ class Answered(NamedTuple):
     body: bytes
 
 
-class Errand(NamedTuple):
+class ChatCall(NamedTuple):
     """A chat that nobody knows the answer to. `targets` are asked in turn; `digest` is what the answer is to be kept
     under, empty where it is not to be kept."""
 
@@ -75,12 +75,12 @@ class Models:
             raise Forbidden(f"this key may not ask model {alias!r}; it may ask {', '.join(mine) or 'none'}")
         return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
 
-    async def whole(self, errand: Errand) -> Answered:
+    async def whole(self, call: ChatCall) -> Answered:
         """Upstream by target, until one answers."""
-        for target, after in errand.in_turn():
+        for target, after in call.in_turn():
             started = time.perf_counter()
             try:
-                answer = await target.whole(rewritten(errand.scanned, errand.chat, target.wanted), errand.trace)
+                answer = await target.whole(rewritten(call.scanned, call.chat, target.wanted), call.trace)
                 if answer.said.message is None:
                     raise target.no_choice()
             except ServiceError as error:
@@ -92,17 +92,17 @@ class Models:
             self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, tokens)
             self._metrics.spent(target.alias, tokens)
             if _worth_keeping(answer.said):
-                self._keep(errand, target, Stored(target.alias, False, answer.body))
+                self._keep(call, target, Stored(target.alias, False, answer.body))
             return Answered(target.alias, answer.body)
         raise AssertionError("there is at least one target")
 
-    async def events(self, errand: Errand) -> Pieces:
+    async def events(self, call: ChatCall) -> Pieces:
         """A stream's bytes as they come. Kept whole, with its end seen, or not at all."""
-        for target, after in errand.in_turn():
+        for target, after in call.in_turn():
             started = time.perf_counter()
             kept = Kept()
             try:
-                opened = await target.stream(rewritten(errand.scanned, errand.chat, target.wanted), errand.trace)
+                opened = await target.stream(rewritten(call.scanned, call.chat, target.wanted), call.trace)
                 try:
                     while piece := await opened.piece():
                         kept.add(piece)
@@ -121,13 +121,13 @@ class Models:
             self._metrics.spent(target.alias, tokens)
             whole = kept.whole
             if whole is not None and kept.clean:
-                self._keep(errand, target, Stored(target.alias, True, whole))
+                self._keep(call, target, Stored(target.alias, True, whole))
             return
 
-    def _keep(self, errand: Errand, target: Upstream, answer: Stored) -> None:
+    def _keep(self, call: ChatCall, target: Upstream, answer: Stored) -> None:
         """Unless another model stood in: its answer is not the one that was asked for."""
-        if errand.digest and self._cache is not None and target is errand.targets[0]:
-            self._cache.put(errand.digest, answer.written())
+        if call.digest and self._cache is not None and target is call.targets[0]:
+            self._cache.put(call.digest, answer.written())
 
     def _failed(self, target: Upstream, after: Upstream | None, error: ServiceError, started: float) -> None:
         self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, error=error.code)

@@ -7,7 +7,7 @@ from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.errors import ModelTimeout
 
 
-class Watch:
+class Deadline:
     """Over the task that serves the request. Where it ends the work, that task is cancelled and `why` says why."""
 
     def __init__(self, task: asyncio.Task[None]) -> None:

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from services.vlm_gateway.hot.connection import BrokenReply, Buffer, Connection, Reply, Stream
+from services.vlm_gateway.upstream.connection import BrokenReply, Buffer, Connection, Reply, Stream
 
 IDLE_S = 4.0
 """Connections unused for longer are not used again: common servers close theirs after 5 s."""

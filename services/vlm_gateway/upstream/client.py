@@ -4,7 +4,7 @@ that such servers and the proxies in front of them really send. Typed questions 
 import asyncio
 import random
 import ssl
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
@@ -14,13 +14,11 @@ from contracts.vlm_gateway import Tokens
 from service_kit.errors import ServiceError
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.breaker import Breaker
-from services.vlm_gateway.chat.dialects import Call
-from services.vlm_gateway.chat.replies import Api, ReplyReader, Said
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
-from services.vlm_gateway.hot.connection import BrokenReply, Buffer, Stream
-from services.vlm_gateway.hot.http1 import Pool, Server
-from services.vlm_gateway.hot.scan import Wanted
+from services.vlm_gateway.upstream.connection import BrokenReply, Buffer, Stream
+from services.vlm_gateway.upstream.pool import Pool, Server
+from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said
 
 T = TypeVar("T")
 MAX_REPLY_BYTES = 8 * 1024 * 1024
@@ -28,6 +26,23 @@ LONGEST_PAUSE_S = 2.0
 """A retry is not put off longer than this; a server that asks for more gets its caller told instead."""
 RETRY_SHARE = 0.2
 RETRY_RESERVE = 10.0
+
+
+class Call(NamedTuple):
+    """A typed question as it goes over the wire: `api` says how the reply is to be read."""
+
+    api: Api
+    url: str
+    body: bytes
+
+
+class Wanted(NamedTuple):
+    """What a target makes of a chat request: its model's name as JSON, its name for the length limit, fields to add
+    where the client does not give them."""
+
+    model_json: bytes
+    limit_field: str
+    extra: Mapping[str, Any]
 
 
 class Answer(NamedTuple):

@@ -1,0 +1,1 @@
+"""One model behind one server: connections, breaker and retries around them, replies read into typed errors."""
