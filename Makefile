@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-real-server check format load bench-sim bench-model train clean
+.PHONY: help setup demo samples test test-slow test-train test-real-server check format schema load bench-sim bench-model train clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -75,6 +75,9 @@ check: setup  ## lint, format, strict types
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
+
+schema: setup  ## write docs/events.schema.json anew from contracts/events.py
+	@$(BIN)/python -m contracts.events > docs/events.schema.json.new && mv docs/events.schema.json.new docs/events.schema.json
 
 format: setup  ## put the code into the house format
 	@$(BIN)/ruff check --fix-only .

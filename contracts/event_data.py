@@ -1,0 +1,215 @@
+"""What the events of a delivery tell, one model a kind; `contracts.events` has the events themselves."""
+
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import ConfigDict, Field
+
+from contracts.base import Metres, Name, Wire
+from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreStep, PlanPoint, ViewpointAnswer
+from contracts.geometry import Heading, Point3, PointLabel, Pose
+from contracts.llm_parser import ParseAnswer
+from contracts.orchestrator import DeliveryResult
+from contracts.sim import Flight, Verdict
+from contracts.vlm_gateway import BuildingBoxAnswer, ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, Match
+
+Seconds = Annotated[float, Field(ge=0.0)]
+
+
+class NoData(Wire):
+    """The event's message says all."""
+
+
+class ParsedData(Wire):
+    """What the parser made of the customer's words."""
+
+    request: str
+    answer: ParseAnswer
+    seconds: Seconds
+
+
+class PlacedData(Wire):
+    """The drone stands at its start; `episode`, `renderer` and `flight` are the simulator's."""
+
+    episode: Name
+    pose: Pose
+    renderer: str
+    renderer_detail: str
+    flight: Flight
+
+
+class StandOffData(Wire):
+    """How far the facade is ahead, and how much of its height one picture spans from there."""
+
+    stand_off_m: Metres
+    span_m: Metres
+    pose: Pose
+
+
+class FacadeBand(Wire):
+    """The stretch of facade that one picture shows, from `lower_m` to `upper_m` above ground, seen from `camera_m`;
+    `number` counts from 1 at the ground."""
+
+    number: int = Field(ge=1)
+    lower_m: float
+    upper_m: float
+    camera_m: float
+
+
+class BandDecision(Wire):
+    """With `Climb` the band to look at next, with `Recount` the one to count again; null for the whole building."""
+
+    band: FacadeBand | None
+    floors_counted: float
+
+
+class FinalHeightDecision(Wire):
+    """The height to fly to, by floors `floor_height_m` high."""
+
+    height_m: float
+    floor_height_m: float
+    floors_counted: float
+
+
+class FloorNotFoundDecision(Wire):
+    """The facade ends below the floor; `best_guess_m`: the topmost counted floor's windows, null without any."""
+
+    floors_counted: float
+    facade_top_m: float
+    best_guess_m: float | None
+
+
+class FloorCountData(Wire):
+    """One floor count and what eq. 3 makes of it. `band` is null for a picture of the whole building. `floors_new`: the
+    floors that are new in this band, after the answer was held against the rows of windows; null without a readable
+    answer."""
+
+    pose: Pose
+    band: FacadeBand | None
+    facade_top_m: float | None
+    floors_new: float | None
+    floors_wanted: int | None
+    answer: FloorCountAnswer
+    decision: Literal["Climb", "FinalHeight", "Recount", "FloorNotFound"]
+    detail: BandDecision | FinalHeightDecision | FloorNotFoundDecision
+    seconds: Seconds
+
+
+class BuildingBoxData(Wire):
+    """Where the building is in the front picture, at the final height."""
+
+    pose: Pose
+    answer: BuildingBoxAnswer
+    seconds: Seconds
+
+
+class JudgedMatch(Match):
+    """A match and what depth says of it. `place` and `distance_m` are null without depth in the box; `rejected`: why it
+    can't be the window asked for, null if it can; `accepted`: it is the one that the mission goes by."""
+
+    place: Point3 | None
+    distance_m: Metres | None
+    accepted: bool
+    rejected: str | None
+
+
+class LookData(Wire):
+    """One look with all cameras for the object. `sightings` are the answer's matches that are sure enough to be worth a
+    judgement; `returns`: plan points where depth hit something, for drawing."""
+
+    exploration_step: int = Field(ge=0)
+    pose: Pose
+    object: str | None
+    answer: FindObjectAnswer
+    sightings: tuple[JudgedMatch, ...] = ()
+    returns: tuple[PlanPoint, ...] = ()
+    render_s: Seconds
+    seconds: Seconds
+
+    @property
+    def accepted(self) -> JudgedMatch | None:
+        """The sighting that the mission goes by."""
+        return next((s for s in self.sightings if s.accepted), None)
+
+
+class DirectionData(Wire):
+    """The way on by the paper's rule: the view (eq. 4-6), its five points (eq. 7), those `offered` to the choice model,
+    and the one flown to; `label` is null where the drone turns on the spot instead, `by` says who chose or why not.
+    `answer` is null where no model was asked."""
+
+    exploration_step: int = Field(ge=0)
+    heading_deg: Heading
+    viewpoint: ViewpointAnswer
+    points: tuple[DirectionPoint, ...]
+    offered: tuple[PointLabel, ...]
+    label: PointLabel | None
+    by: str
+    answer: ChooseDirectionAnswer | None
+    seconds: Seconds | None = None
+
+
+class ContourData(Wire):
+    """The way on by the contour explorer; its map is left out, `map_bytes` long."""
+
+    exploration_step: int = Field(ge=0)
+    explore: ExploreStep
+    map_bytes: int = Field(ge=0)
+
+
+class MoveData(Wire):
+    """One flight, from `start` (on the wire: `from`) along `path` to `to`; `reached` is false where something stopped
+    it early. `path_m` and `flight_s` are of this move."""
+
+    model_config = ConfigDict(serialize_by_alias=True, validate_by_name=True)
+
+    number: int = Field(ge=1)
+    start: Pose = Field(alias="from")
+    to: Pose
+    path: tuple[Point3, ...]
+    reached: bool
+    collided: bool
+    hit: str | None
+    path_m: Metres
+    flight_s: Seconds
+
+    @property
+    def corners(self) -> tuple[Point3, ...]:
+        """The places flown over between `start` and `to`, as far as they are known."""
+        return self.path[:-1] if self.reached else ()
+
+
+class TurnData(MoveData):
+    """A turn on the spot: a move without a path."""
+
+
+class ApproachData(Wire):
+    """The next leg to the window; `confirmed`: the object was seen a second time, surely enough to be claimed."""
+
+    answer: ApproachAnswer
+    max_leg_m: Metres
+    confirmed: bool
+
+
+class LostData(Wire):
+    """An approach was given up: what was seen at `place` did not stand up, or the way to it is not free (`blocked`)."""
+
+    place: Point3
+    blocked: bool
+
+
+EventData: TypeAlias = (
+    NoData
+    | ParsedData
+    | PlacedData
+    | StandOffData
+    | FloorCountData
+    | BuildingBoxData
+    | LookData
+    | DirectionData
+    | ContourData
+    | MoveData
+    | TurnData
+    | ApproachData
+    | LostData
+    | Verdict
+    | DeliveryResult
+)

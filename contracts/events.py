@@ -1,0 +1,215 @@
+"""The events of a delivery: one line each in its record (`events.jsonl`), one message each in its event stream.
+
+`kind` says which model of `contracts.event_data` the event's `data` is. Writers are held to these models; readers are
+not: `read_event` passes over a field that it does not know, and keeps an event of an unknown kind, or with data of
+another shape, as an `UnknownEvent`, which still tells its number, time, phase and message.
+
+`python -m contracts.events` prints the JSON Schema of one event: docs/events.schema.json.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, TypeAlias, get_args
+
+from pydantic import Field, JsonValue, TypeAdapter, ValidationError
+
+from contracts.base import Wire
+from contracts.event_data import (
+    ApproachData,
+    BuildingBoxData,
+    ContourData,
+    DirectionData,
+    EventData,
+    FloorCountData,
+    LookData,
+    LostData,
+    MoveData,
+    NoData,
+    ParsedData,
+    PlacedData,
+    Seconds,
+    StandOffData,
+    TurnData,
+)
+from contracts.orchestrator import DeliveryResult, Phase
+from contracts.sim import Verdict
+
+
+class RecordedEvent(Wire):
+    """What all events have in common. `number` counts from 1 without gaps, `time_s` from the record's beginning;
+    `pictures` are file names in the record's `pictures` folder."""
+
+    number: int = Field(ge=1)
+    time_s: Seconds
+    phase: str
+    kind: str
+    message: str
+    data: object
+    pictures: tuple[str, ...] = ()
+
+
+class MissionEvent(RecordedEvent):
+    """An event of a kind that is known here."""
+
+    phase: Phase
+
+
+class PhaseEvent(MissionEvent):
+    """The next phase begins."""
+
+    kind: Literal["phase"] = "phase"
+    data: NoData = NoData()
+
+
+class ParsedEvent(MissionEvent):
+    kind: Literal["parsed"] = "parsed"
+    data: ParsedData
+
+
+class PlacedEvent(MissionEvent):
+    kind: Literal["placed"] = "placed"
+    data: PlacedData
+
+
+class StandOffEvent(MissionEvent):
+    kind: Literal["stand_off"] = "stand_off"
+    data: StandOffData
+
+
+class FloorCountEvent(MissionEvent):
+    kind: Literal["floor_count"] = "floor_count"
+    data: FloorCountData
+
+
+class BuildingBoxEvent(MissionEvent):
+    kind: Literal["building_box"] = "building_box"
+    data: BuildingBoxData
+
+
+class LookEvent(MissionEvent):
+    kind: Literal["look"] = "look"
+    data: LookData
+
+
+class DirectionEvent(MissionEvent):
+    kind: Literal["direction"] = "direction"
+    data: DirectionData
+
+
+class ContourEvent(MissionEvent):
+    kind: Literal["contour"] = "contour"
+    data: ContourData
+
+
+class MoveEvent(MissionEvent):
+    kind: Literal["move"] = "move"
+    data: MoveData
+
+
+class TurnEvent(MissionEvent):
+    kind: Literal["turn"] = "turn"
+    data: TurnData
+
+
+class ApproachEvent(MissionEvent):
+    kind: Literal["approach"] = "approach"
+    data: ApproachData
+
+
+class LostEvent(MissionEvent):
+    kind: Literal["lost"] = "lost"
+    data: LostData
+
+
+class VerdictEvent(MissionEvent):
+    kind: Literal["verdict"] = "verdict"
+    data: Verdict
+
+
+class ResultEvent(MissionEvent):
+    """The last event of a delivery."""
+
+    kind: Literal["result"] = "result"
+    data: DeliveryResult
+
+
+class UnknownEvent(RecordedEvent):
+    """An event of a newer (or much older) writer: its data is kept as it came."""
+
+    data: dict[str, JsonValue] = {}
+
+
+KnownEvent: TypeAlias = (
+    PhaseEvent
+    | ParsedEvent
+    | PlacedEvent
+    | StandOffEvent
+    | FloorCountEvent
+    | BuildingBoxEvent
+    | LookEvent
+    | DirectionEvent
+    | ContourEvent
+    | MoveEvent
+    | TurnEvent
+    | ApproachEvent
+    | LostEvent
+    | VerdictEvent
+    | ResultEvent
+)
+Event: TypeAlias = KnownEvent | UnknownEvent
+
+_KNOWN: TypeAdapter[KnownEvent] = TypeAdapter(Annotated[KnownEvent, Field(discriminator="kind")])
+_EVENT_OF: dict[object, Any] = {event.model_fields["data"].annotation: event for event in get_args(KnownEvent)}
+
+
+def new_event(
+    data: EventData, *, number: int, time_s: float, phase: Phase, message: str, pictures: Sequence[str] = ()
+) -> KnownEvent:
+    """The event that tells that data."""
+    event: KnownEvent = _EVENT_OF[type(data)](
+        number=number, time_s=time_s, phase=phase, message=message, data=data, pictures=tuple(pictures)
+    )
+    return event
+
+
+def read_event(text: str | bytes) -> Event:
+    """One event from JSON. Raises ValueError where the text is no event at all: no JSON object, or one without the
+    fields that all events have."""
+    try:
+        return _KNOWN.validate_json(text, extra="ignore")
+    except ValidationError:
+        return UnknownEvent.model_validate_json(text, extra="ignore")
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of an event as it is written. It allows further fields: a newer writer may add some."""
+    schema = _for_readers(_KNOWN.json_schema(mode="serialization"))
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "An event of a LogisticsVLN delivery",
+        "description": "One line of events.jsonl, and the data of one message of /v1/deliveries/{id}/events.",
+        **schema,
+    }
+
+
+def _for_readers(schema: Any) -> Any:
+    """The same schema open for further fields, its descriptions without line breaks."""
+    if isinstance(schema, list):
+        return [_for_readers(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        key: " ".join(value.split()) if key == "description" and isinstance(value, str) else _for_readers(value)
+        for key, value in schema.items()
+        if key != "additionalProperties" or value is not False
+    }
+
+
+def schema_text() -> str:
+    """`json_schema` as the text of a file."""
+    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(schema_text())
