@@ -1,6 +1,7 @@
 """From a match in a picture to a place in the street, and back: by depth, never by what a model says of distances."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,13 +19,7 @@ FACADE_SAMPLES = 24
 SAME_PLACE_M = 1.5
 OTHER_SIDE_DEG = 30.0
 SURER_BY = 0.1
-
-
-class Extent(NamedTuple):
-    """How wide and high a thing is that fills a box, in metres."""
-
-    width_m: float
-    height_m: float
+MAX_TRIES = 2
 
 
 class Sighting(NamedTuple):
@@ -38,26 +33,25 @@ class Sighting(NamedTuple):
     rejected: str | None
 
 
-class Dismissed(NamedTuple):
-    """A sighting that did not stand up to a nearer look: where it is, where it was made from and how sure it was."""
+def is_dismissed(
+    dismissed: Sequence[Dismissed], place: Point3, pose: WirePose, confidence: float, *, claimable: bool
+) -> bool:
+    """Was that thing looked at from near before, and is not worth another look?"""
+    near = [d for d in dismissed if distance_m(place, d.place) < SAME_PLACE_M]
+    return len(near) >= MAX_TRIES or any(_holds(d, pose, confidence, claimable=claimable) for d in near)
 
-    place: Point3
-    seen_from: WirePose
-    confidence: float
 
-    def holds(self, place: Point3, pose: WirePose, confidence: float, *, claimable: bool) -> bool:
-        """Is that the same thing, and not worth another look? From another side, or seen more surely than before, it
-        may be what was asked for; but only a sighting that could be claimed as it stands is followed."""
-        if distance_m(place, self.place) >= SAME_PLACE_M:
-            return False
-        if not claimable:
-            return True
-        if confidence >= self.confidence + SURER_BY:
-            return False
-        before = math.atan2(self.seen_from.y - self.place.y, self.seen_from.x - self.place.x)
-        now = math.atan2(pose.y - self.place.y, pose.x - self.place.x)
-        turned = abs(math.remainder(now - before, math.tau))
-        return turned < math.radians(OTHER_SIDE_DEG)
+def _holds(dismissed: Dismissed, pose: WirePose, confidence: float, *, claimable: bool) -> bool:
+    """Is a thing at that place still dismissed? From another side, or seen more surely than before, it may be what was
+    asked for; but only a sighting that could be claimed as it stands is followed."""
+    if not claimable:
+        return True
+    if confidence >= dismissed.confidence + SURER_BY:
+        return False
+    place, seen_from = dismissed.place, dismissed.seen_from
+    before = math.atan2(seen_from.y - place.y, seen_from.x - place.x)
+    now = math.atan2(pose.y - place.y, pose.x - place.x)
+    return abs(math.remainder(now - before, math.tau)) < math.radians(OTHER_SIDE_DEG)
 
 
 def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float) -> Sighting:
@@ -89,7 +83,7 @@ def project(place: Point3, extent: Extent, look: Look) -> tuple[Sight, Box] | No
     """Where a thing of that extent must be in one of the views, as far as it lies in the picture; the view in which
     it is nearest to the middle. Null where it is in none of them."""
     best: tuple[float, Sight, Box] | None = None
-    for sight in look.sights.values():
+    for sight in look.all:
         forward = direction(sight.pose.yaw, sight.heading_deg)
         dx, dy, up = place.x - sight.pose.x, place.y - sight.pose.y, place.z - sight.pose.z
         ahead = dx * forward[0] + dy * forward[1]
@@ -108,7 +102,7 @@ def project(place: Point3, extent: Extent, look: Look) -> tuple[Sight, Box] | No
     return best[1:] if best else None
 
 
-def facade_returns(sights: list[Sight]) -> list[tuple[float, float]]:
+def facade_returns(sights: Sequence[Sight]) -> list[tuple[float, float]]:
     """Where the middle rows of some views hit something: plan points in metres, for drawing only."""
     points = []
     for sight in sights:

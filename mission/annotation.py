@@ -1,4 +1,4 @@
-"""Marks drawn into pictures: the five labelled points of eq. 7, and boxes."""
+"""Annotations drawn into pictures: the five labelled points of eq. 7, and boxes."""
 
 from collections.abc import Sequence
 

@@ -1,0 +1,105 @@
+"""One step of a mission: the flight that the state has planned, then what its stage does there."""
+
+import time
+from typing import assert_never
+
+from mission.stages.approaching import check_candidate, close_in, face_candidate
+from mission.stages.beginning import place_drone, read_request
+from mission.stages.claiming import claim_window
+from mission.stages.climbing import check_climb, climb
+from mission.stages.direct_count import back_off, count_whole, find_top, rise_with_distance
+from mission.stages.exploring import leave_blocked, look_round
+from mission.stages.floors import box_building, count_band, count_band_from_nearer, measure_stand_off
+from mission.state import (
+    BackOff,
+    BoxBuilding,
+    CheckCandidate,
+    CheckClimb,
+    ClaimWindow,
+    Climb,
+    CloseIn,
+    CountBand,
+    CountBandFromNearer,
+    CountWhole,
+    Ended,
+    FaceCandidate,
+    FindTop,
+    LeaveBlocked,
+    LookRound,
+    MeasureStandOff,
+    MissionState,
+    PlaceDrone,
+    ReadRequest,
+    RiseWithDistance,
+    SqueezeIn,
+    Stage,
+)
+from mission.step import MissionContext, MissionEnd, Step
+
+
+async def advance(state: MissionState, context: MissionContext) -> MissionState:
+    """The state after one stop: at most one flight, a look, a question or two. A state that has ended stays.
+
+    The same state may be advanced again, by another process too, where this one died on the way: its flight is the
+    same numbered move, its events have the same numbers, its claim is the same claim. Raises PortError.
+    """
+    return await run(Step(state, await context.with_drone(state)))
+
+
+async def run(step: Step) -> MissionState:
+    """`advance` on a step at hand, whose `state` tells how far it came where this is broken off."""
+    started = time.perf_counter()
+    try:
+        if step.state.flight is not None:
+            await step.fly(step.state.flight)
+        stage = await _act(step, step.state.stage)
+    except MissionEnd as end:
+        stage = Ended(outcome=end.outcome, message=end.message)
+    finally:
+        step.spend("total", time.perf_counter() - started)
+    step.update(stage=stage)
+    return step.state
+
+
+async def _act(step: Step, stage: Stage) -> Stage:  # noqa: PLR0911, PLR0912 - one line a stage
+    match stage:
+        case ReadRequest():
+            return await read_request(step)
+        case PlaceDrone():
+            return await place_drone(step)
+        case MeasureStandOff():
+            return await measure_stand_off(step)
+        case Climb():
+            return await climb(step, stage)
+        case CheckClimb():
+            return await check_climb(step, stage)
+        case CountBand():
+            return await count_band(step, stage)
+        case CountBandFromNearer():
+            return await count_band_from_nearer(step, stage)
+        case BackOff():
+            return await back_off(step, stage)
+        case RiseWithDistance():
+            return await rise_with_distance(step, stage)
+        case FindTop():
+            return await find_top(step, stage)
+        case CountWhole():
+            return await count_whole(step, stage)
+        case BoxBuilding():
+            return await box_building(step)
+        case LookRound():
+            return await look_round(step)
+        case LeaveBlocked():
+            return await leave_blocked(step)
+        case FaceCandidate():
+            return await face_candidate(step, stage.approach)
+        case CheckCandidate():
+            return await check_candidate(step, stage.approach)
+        case CloseIn() | SqueezeIn():
+            return await close_in(step, stage.approach, type(stage))
+        case ClaimWindow():
+            return await claim_window(step, stage)
+        case Ended():
+            return stage
+        case _:
+            assert_never(stage)

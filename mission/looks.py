@@ -1,0 +1,129 @@
+"""What the drone's cameras show at one moment, decoded as far as it is needed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contracts.cameras import Camera
+from contracts.depth_assist import ViewDepth
+from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Pose
+from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
+from contracts.vehicle import Observation, SensedView
+from mission.ports import ServiceRefused
+
+_HEADINGS = {int(heading): heading for heading in VIEW_HEADINGS_DEG}
+
+
+class Size(NamedTuple):
+    """Of a picture, in pixels."""
+
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One camera's view of one moment. Depth: (H, W) float32 metres along the optical axis, inf where nothing was hit,
+    nan where invalid."""
+
+    pose: Pose
+    view: SensedView
+
+    @property
+    def camera(self) -> Camera:
+        return self.view.camera
+
+    @property
+    def heading_deg(self) -> Heading:
+        return _HEADINGS[round(self.camera.heading_deg)]
+
+    @cached_property
+    def rgb(self) -> NDArray[np.uint8]:
+        """(H, W, 3) uint8."""
+        return decode_jpeg(self.view.image)
+
+    @cached_property
+    def depth_m(self) -> NDArray[np.float32]:
+        return depth_in_metres(self._units, self._depth.metres_per_unit)
+
+    def depth_row_m(self, row: int) -> NDArray[np.float32]:
+        """(W,) one row of `depth_m`, where the rest of it is not needed."""
+        return depth_in_metres(self._units[row], self._depth.metres_per_unit)
+
+    @cached_property
+    def _units(self) -> NDArray[np.uint16]:
+        return decode_depth_units(self._depth)
+
+    @property
+    def _depth(self) -> DepthMap:
+        if self.view.depth is None:
+            raise ServiceRefused("the vehicle sent a view without depth", code="garbled", status=502)
+        return self.view.depth
+
+    @property
+    def size(self) -> Size:
+        return Size(self._depth.width, self._depth.height)
+
+    @property
+    def depth_view(self) -> ViewDepth:
+        """The depth as it came, to be sent on."""
+        return ViewDepth(heading_deg=self.heading_deg, depth=self._depth)
+
+    @cached_property
+    def jpeg(self) -> bytes:
+        return jpeg_bytes(self.view.image)
+
+    @property
+    def name(self) -> str:
+        return "view" if self.heading_deg == 0 else f"view{self.heading_deg:+d}"
+
+
+@dataclass(frozen=True)
+class Look:
+    """All views of one moment, by camera name in the order of the rig."""
+
+    observation: Observation
+    sights: dict[str, Sight]
+
+    @property
+    def pose(self) -> Pose:
+        return self.observation.pose
+
+    @property
+    def all(self) -> tuple[Sight, ...]:
+        return tuple(self.sights.values())
+
+    def towards(self, heading_deg: float) -> Sight | None:
+        """The view with that heading, degrees to the right of the nose; null where there is none."""
+        return next((s for s in self.sights.values() if s.camera.heading_deg == heading_deg), None)
+
+    def depth_beside(self, sight: Sight, reach_deg: float = 45.0) -> tuple[ViewDepth, ...]:
+        """The depth of the views whose headings lie within `reach_deg` of that one's, without itself."""
+        return tuple(
+            other.depth_view
+            for other in self.sights.values()
+            if 0.0 < abs(other.camera.heading_deg - sight.camera.heading_deg) <= reach_deg
+        )
+
+    @property
+    def pictures(self) -> dict[str, bytes]:
+        """The JPEG files, by a short name, as the record keeps them."""
+        return {sight.name: sight.jpeg for sight in self.sights.values()}
+
+
+def look_of(observation: Observation, wanted: Sequence[str]) -> Look:
+    """Raises ServiceRefused where a camera's view is missing or a picture is not what it says it is."""
+    sights = {view.camera.name: Sight(observation.pose, view) for view in observation.views}
+    missing = [name for name in wanted if name not in sights]
+    if missing:
+        raise ServiceRefused(f"the vehicle sent no view of {', '.join(missing)}", code="garbled", status=502)
+    try:
+        for sight in sights.values():
+            _ = sight.jpeg
+    except BadImage as error:
+        raise ServiceRefused(f"the vehicle sent a bad picture: {error}", code="garbled", status=502) from None
+    return Look(observation, sights)

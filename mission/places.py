@@ -1,0 +1,39 @@
+"""Places relative to the drone, and how they are told to people."""
+
+import math
+
+from contracts.geometry import Point3, Pose
+
+
+def spoken(place: Pose | Point3) -> str:
+    return f"({place.x:.1f}, {place.y:.1f}, {place.z:.1f})"
+
+
+def towards(heading_deg: float) -> str:
+    """A heading, for a person."""
+    return "ahead" if heading_deg == 0 else f"{abs(heading_deg):g}° {'right' if heading_deg > 0 else 'left'}"
+
+
+def point_of(pose: Pose) -> Point3:
+    """The pose without its yaw."""
+    return Point3(x=pose.x, y=pose.y, z=pose.z)
+
+
+def ahead(pose: Pose, bearing_deg: float, distance_m: float) -> Point3:
+    """The point at that bearing (degrees from the nose, positive to the right) and distance, at the same height."""
+    angle = pose.yaw - math.radians(bearing_deg)
+    return Point3(x=pose.x + distance_m * math.cos(angle), y=pose.y + distance_m * math.sin(angle), z=pose.z)
+
+
+def above(pose: Pose, z: float) -> Point3:
+    """The point at height `z` (metres) straight above or below the pose."""
+    return Point3(x=pose.x, y=pose.y, z=z)
+
+
+def yaw_towards(place: Pose | Point3, target: Point3) -> float:
+    """The yaw (radians, counter-clockwise from east) that faces the target from the place."""
+    return math.atan2(target.y - place.y, target.x - place.x)
+
+
+def distance_m(a: Pose | Point3, b: Pose | Point3) -> float:
+    return math.dist((a.x, a.y, a.z), (b.x, b.y, b.z))

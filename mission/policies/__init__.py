@@ -1,0 +1,76 @@
+"""Search policies by name: those of the project, and those that installed packages bring by entry point."""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+
+from pydantic import ValidationError
+
+from contracts.orchestrator import MissionSettings, SearchSettings
+from mission.policies.base import AnyPolicy
+from mission.policies.contour import ContourPolicy
+from mission.policies.points import DefaultPolicy, PaperPolicy, RandomPolicy
+
+GROUP = "logisticsvln.search_policies"
+DEFAULT = ContourPolicy.name
+OWN: tuple[type[AnyPolicy], ...] = (ContourPolicy, PaperPolicy, RandomPolicy, DefaultPolicy)
+
+
+class BadSearch(ValueError):
+    """No policy of that name, or settings that it has not got; the message says what there is."""
+
+
+@cache
+def policies() -> Mapping[str, type[AnyPolicy]]:
+    """All policies by name, the project's own first. A package can't replace one of these. Raises BadSearch where an
+    entry point does not lead to a policy."""
+    found: dict[str, type[AnyPolicy]] = {policy.name: policy for policy in OWN}
+    for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
+        try:
+            policy = entry.load()
+        except Exception as error:
+            raise BadSearch(f"the search policy {entry.name} ({entry.value}) can't be loaded: {error}") from error
+        if not isinstance(policy, type) or not issubclass(policy, AnyPolicy.__origin__):
+            raise BadSearch(f"the entry point {entry.name} ({entry.value}) is no SearchPolicy")
+        if policy.name != entry.name:
+            raise BadSearch(f"the entry point {entry.name} leads to a search policy that calls itself {policy.name}")
+        found.setdefault(policy.name, policy)
+    return found
+
+
+def policy_type(name: str | None) -> type[AnyPolicy]:
+    """The policy of that name; the default one without. Raises BadSearch."""
+    known = policies()
+    if (name or DEFAULT) not in known:
+        raise BadSearch(f"there is no search policy {name}; there are {', '.join(known)}")
+    return known[name or DEFAULT]
+
+
+def policy_of(search: SearchSettings) -> AnyPolicy:
+    """The policy that the settings name, with its settings. Raises BadSearch."""
+    kind = policy_type(search.policy)
+    try:
+        return kind(kind.settings_type.model_validate(search.constants, strict=False))
+    except ValidationError as error:
+        raise BadSearch(_said(kind, search, error)) from None
+
+
+def completed(settings: MissionSettings) -> MissionSettings:
+    """The same settings with the search policy named and every constant of it written out, as results are recorded.
+    Raises BadSearch."""
+    policy = policy_of(settings.viewpoint)
+    search = SearchSettings(policy=policy.name, **policy.settings.model_dump(mode="json"))
+    return settings.model_copy(update={"viewpoint": search})
+
+
+def _said(kind: type[AnyPolicy], search: SearchSettings, error: ValidationError) -> str:
+    """The first thing wrong, and what would be right."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    if first["type"] != "extra_forbidden":
+        return f"viewpoint.{where}: {first['msg']}"
+    said = f"the search policy {kind.name} has no setting {where}"
+    others = [p.name for p in policies().values() if where in p.settings_type.model_fields]
+    if others and search.policy is None:
+        return f"{said}; {', '.join(others)} {'have' if len(others) > 1 else 'has'} it: name the policy as well"
+    return f"{said}; it has {', '.join(kind.settings_type.model_fields)}"

@@ -1,0 +1,250 @@
+"""The approach: along the way that depth shows to be free, in legs, each followed by another look.
+
+A candidate becomes confirmed when a look on the way sees it again, surely enough; a confirmed thing is closed in on
+until the stop is reached, the last metre with less clearance where a balcony keeps the drone off.
+"""
+
+from typing import NamedTuple
+
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ApproachSettings
+from contracts.event_data import ApproachData, LostData
+from contracts.geometry import Box
+from mission.looks import Look, Sight
+from mission.places import distance_m, point_of, yaw_towards
+from mission.sighting import project
+from mission.stages.planning import plan_onward
+from mission.stages.searching import Found, looks_again, search
+from mission.state import (
+    Approach,
+    CheckCandidate,
+    ClaimWindow,
+    CloseIn,
+    Dismissed,
+    FaceCandidate,
+    LeaveBlocked,
+    LookRound,
+    LostSighting,
+    Seen,
+    SqueezeIn,
+)
+from mission.step import Step
+
+MAX_LEGS = 8
+LOOK_AGAIN_M = 5.0
+LONGEST_LEG_M = 8.0
+SAME_THING_M = 2.0
+OTHER_THING_M = 4.0
+"""So far from where the thing was seen, it is another one of its kind."""
+NEAR_ENOUGH_M = 0.8
+STILL_NEAR_M = 1.3
+"""So much farther than the stop a claim is still worth making where there is no way nearer."""
+TIGHT_CLEARANCE_M = 0.25
+MAX_ASIDES = 2
+"""How often a thing that no way leads to is looked at from another side before the search goes on."""
+
+LegStage = CheckCandidate | CloseIn | SqueezeIn
+Leg = type[CheckCandidate] | type[CloseIn] | type[SqueezeIn]
+AfterLook = LegStage | ClaimWindow | LookRound | LeaveBlocked
+
+
+async def begin_approach(step: Step, found: Found) -> FaceCandidate | AfterLook:
+    """From the look in which the thing was found. Raises PortError."""
+    step.enter("approach", f"flying to the {step.state.object} {distance_m(step.pose, found.seen.place):.1f} m away")
+    step.update(trail=(point_of(found.look.pose),))
+    approach = Approach(first=found.seen, last=found.seen, ever_claimable=found.seen.claimable)
+    if not looks_again(step):
+        # at first sight means: looks on the way tell better where it is, but not whether
+        return await _next_leg(step, approach, CloseIn, found.look, found.sight, found.match.box)
+    if distance_m(found.look.pose, found.seen.place) <= LOOK_AGAIN_M + 1.0:
+        # one leg would end too close to look again, so the second look is from here, face to face
+        step.plan_flight((), yaw_towards(found.look.pose, found.seen.place), "turn to what was seen")
+        return FaceCandidate(approach=approach)
+    return await _next_leg(step, approach, CheckCandidate, found.look, found.sight, found.match.box)
+
+
+async def face_candidate(step: Step, approach: Approach) -> AfterLook:
+    """The second look, from where the first was made. Raises MissionEnd (answer_unreadable), PortError."""
+    look = await step.look()
+    again = _same(await search(step, look, "face to face", near=approach.last.place), approach.last)
+    if again is None:
+        first = approach.first
+        if not (first.claimable and first.confidence >= step.settings.sightings.sure_confidence):
+            return _give_up(step, approach, "not seen again face to face")
+        remembered = _remembered(approach.last, look)
+        if remembered is None:
+            return _give_up(step, approach, "out of sight face to face")
+        return await _next_leg(step, approach, CloseIn, look, *remembered)
+    approach = _seen_again(approach, again)
+    if not approach.ever_claimable:
+        return _give_up(step, approach, f"only {again.seen.confidence:.2f} sure face to face")
+    return await _next_leg(step, approach, CloseIn, look, again.sight, again.match.box)
+
+
+async def check_candidate(step: Step, approach: Approach) -> AfterLook:
+    """After a leg to a thing that is not confirmed yet. Raises MissionEnd (answer_unreadable), PortError."""
+    look, again, _ = await _look_after_leg(step, approach)
+    if again is None:
+        far = distance_m(look.pose, approach.last.place)
+        return _give_up(step, approach, f"not seen again from {far:.1f} m", blocked=approach.goes_aside)
+    approach = _seen_again(approach, again)
+    if approach.ever_claimable:
+        return await _confirmed(step, approach, CloseIn, look, again.sight, again.match.box)
+    if approach.reaches_stop:
+        return _give_up(step, approach, f"only {again.seen.confidence:.2f} sure from near")
+    return await _next_leg(step, approach, CheckCandidate, look, again.sight, again.match.box)
+
+
+async def close_in(step: Step, approach: Approach, leg: type[CloseIn] | type[SqueezeIn]) -> AfterLook:
+    """After a leg to a confirmed thing. Raises MissionEnd (answer_unreadable), PortError."""
+    look, again, other = await _look_after_leg(step, approach)
+    if again is not None:
+        approach = _seen_again(approach, again)
+        return await _confirmed(step, approach, leg, look, again.sight, again.match.box)
+    if other is not None and await _is_another(step, other, approach):
+        far = distance_m(other.seen.place, approach.last.place)
+        return _give_up(step, approach, f"not seen again, and a surer one {far:.1f} m off")
+    # a thing may leave the picture or the model's grasp as it gets near, its place does not
+    remembered = _remembered(approach.last, look)
+    if remembered is None and approach.reaches_stop:
+        return ClaimWindow(place=approach.last.place)
+    if remembered is None:
+        return _give_up(step, approach, f"leg {approach.legs}: out of sight")
+    return await _confirmed(step, _unseen(approach), leg, look, *remembered)
+
+
+class _Looked(NamedTuple):
+    """A look after a leg: what it saw of the thing, else what it saw of the kind."""
+
+    look: Look
+    again: Found | None
+    other: Found | None
+
+
+async def _look_after_leg(step: Step, approach: Approach) -> _Looked:
+    look = await step.look()
+    found = await search(step, look, f"after leg {approach.legs}", near=approach.last.place)
+    again = _same(found, approach.last)
+    return _Looked(look, again, found if again is None else None)
+
+
+async def _confirmed(
+    step: Step, approach: Approach, leg: type[CloseIn] | type[SqueezeIn], look: Look, sight: Sight, box: Box
+) -> AfterLook:
+    """At the stop and near enough: claim. Else the next leg; from the stop, with less clearance."""
+    if not approach.reaches_stop:
+        return await _next_leg(step, approach, leg, look, sight, box)
+    far = distance_m(look.pose, approach.last.place)
+    if far <= _near_enough_m(step, leg):
+        return ClaimWindow(place=approach.last.place)
+    if leg is SqueezeIn:
+        why = f"leg {approach.legs}: no way nearer than {far:.1f} m from this side"
+        return _give_up(step, approach, why, blocked=True)
+    # a balcony or eaves beside the window kept the drone off: in still air less room will do for the last metre
+    return await _next_leg(step, approach, SqueezeIn, look, sight, box)
+
+
+async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight: Sight, box: Box) -> AfterLook:
+    """Plans the flight of the next leg from this look. Raises PortError."""
+    number = approach.legs + 1
+    if number > MAX_LEGS:
+        return _give_up(step, approach, f"not there after {MAX_LEGS} legs")
+    place = approach.last.place
+    far = distance_m(look.pose, place)
+    way = await _way(step, look, sight, box, far, leg)
+    if way.status != "clear":
+        if leg is not CheckCandidate and far <= _near_enough_m(step, leg):
+            return ClaimWindow(place=place)
+        if not way.aside or approach.asides >= MAX_ASIDES:
+            why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
+            return _give_up(step, approach, f"leg {number}: {why}", blocked=way.status == "blocked")
+        approach = approach.model_copy(update={"asides": approach.asides + 1})
+    path = way.path or way.aside
+    # until the stop is reached, the front camera keeps the thing in sight
+    yaw = way.facing_yaw if way.reached else yaw_towards(path[-1] if path else step.pose, place)
+    step.plan_flight(path, yaw, f"leg {number} of the approach" + (", to another side of it" if way.aside else ""))
+    flown = {"legs": number, "reaches_stop": way.reached, "goes_aside": bool(way.aside)}
+    return leg(approach=approach.model_copy(update=flown))
+
+
+async def _way(step: Step, look: Look, sight: Sight, box: Box, far_m: float, leg: Leg) -> ApproachAnswer:
+    """The next leg: to where a second look is worth it, and once that confirmed the object, all the way."""
+    confirmed = leg is not CheckCandidate
+    leg_m = LONGEST_LEG_M if confirmed else min(LONGEST_LEG_M, far_m - LOOK_AGAIN_M)
+    question = ApproachQuestion(
+        view=sight.depth_view,
+        others=look.depth_beside(sight, reach_deg=90.0),
+        box=box,
+        pose=sight.pose,
+        settings=_clearance(step, leg),
+        max_leg_m=leg_m if leg_m > 1.0 else LONGEST_LEG_M,
+    )
+    answer = await step.timed("approach", step.ports.depth.approach(question))
+    step.write(
+        f"way to the window: {answer.status}" + (", up to the stop" if answer.reached else ""),
+        ApproachData(answer=answer, max_leg_m=round(question.max_leg_m, 2), confirmed=confirmed),
+    )
+    return answer
+
+
+def _clearance(step: Step, leg: Leg) -> ApproachSettings:
+    settings = step.settings.approach
+    if leg is not SqueezeIn:
+        return settings
+    return settings.model_copy(update={"clearance_m": min(settings.clearance_m, TIGHT_CLEARANCE_M)})
+
+
+def _near_enough_m(step: Step, leg: Leg) -> float:
+    """From how far a claim is worth making, where there is no way nearer."""
+    return step.settings.approach.stop_distance_m + (STILL_NEAR_M if leg is SqueezeIn else NEAR_ENOUGH_M)
+
+
+def _give_up(step: Step, approach: Approach, why: str, *, blocked: bool = False) -> LookRound | LeaveBlocked:
+    """Back along the trail to where the search was left: what does not stand up is dismissed, what can't be reached is
+    tried from elsewhere."""
+    place, first = approach.last.place, approach.first
+    step.write(why, LostData(place=place, blocked=blocked))
+    back = step.state.trail[-2::-1]
+    if back or approach.legs > 0:
+        step.plan_flight(back, first.seen_from.yaw, "back to where the search was left")
+    step.update(approaches=step.state.approaches + 1, lost=LostSighting(why=why, blocked=blocked))
+    if blocked:
+        return LeaveBlocked()
+    dismissed = Dismissed(place=place, seen_from=first.seen_from, confidence=first.confidence)
+    step.update(dismissed=(*step.state.dismissed, dismissed))
+    return LookRound()
+
+
+def _same(found: Found | None, last: Seen) -> Found | None:
+    """What was found, if it is the same thing."""
+    return found if found is not None and distance_m(found.seen.place, last.place) <= SAME_THING_M else None
+
+
+def _seen_again(approach: Approach, again: Found) -> Approach:
+    claimable = approach.ever_claimable or again.seen.claimable
+    return _unseen(approach).model_copy(update={"last": again.seen, "ever_claimable": claimable})
+
+
+def _unseen(approach: Approach) -> Approach:
+    """The same after a look that tells nothing new of the thing."""
+    return approach.model_copy(update={"surest": max(approach.surest, approach.last.confidence)})
+
+
+def _remembered(last: Seen, look: Look) -> tuple[Sight, Box] | None:
+    """Where the thing must be in a look that does not show it; null where it lies in no view."""
+    return project(last.place, last.extent, look) if last.extent else None
+
+
+async def _is_another(step: Step, other: Found, approach: Approach) -> bool:
+    """Is what was seen from near another thing of the kind, on the building searched, and surer than what brought the
+    drone here ever was? At first sight means that no look on the way can drop a thing."""
+    surest = max(approach.surest, approach.last.confidence)
+    surer = other.seen.claimable and other.seen.confidence > surest
+    far = distance_m(other.seen.place, approach.last.place) > OTHER_THING_M
+    return looks_again(step) and surer and far and await _on_target(step, other)
+
+
+async def _on_target(step: Step, found: Found) -> bool:
+    """Is that on the building searched, as far as is known? Without a map anything may be."""
+    if not step.policy.knows_building:
+        return True
+    return (await plan_onward(step, found.look)).on_target(found.seen.place)

@@ -1,0 +1,43 @@
+"""The claim, and what becomes of it."""
+
+from contracts.sim import Verdict
+from mission.state import ClaimWindow, Ended
+from mission.step import Step
+
+
+async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
+    """Says that this is the window. Raises PortError."""
+    step.enter("claim", "claiming the window")
+    name = step.drone.vehicle.name
+    verdict = await step.timed("claim", step.context.placement.claim(name, stage.place))
+    step.update(claimed=stage.place, verdict=verdict)
+    if verdict is None:
+        return Ended(outcome="delivered_not_judged", message="stopped in front of the window; nobody judges this flight")
+    step.write(spoken_verdict(verdict), verdict)
+    return _judged(verdict)
+
+
+def _judged(verdict: Verdict) -> Ended:
+    """The verdict as the mission's end."""
+    said = spoken_verdict(verdict)
+    if verdict.collided:
+        return Ended(outcome="collision", message="the drone collided on its way")
+    if verdict.delivered:
+        return Ended(outcome="delivered" if verdict.judged else "delivered_not_judged", message=said)
+    if verdict.right_window is False:
+        return Ended(outcome="wrong_window", message=said)
+    return Ended(outcome="not_in_front", message=said)
+
+
+def spoken_verdict(verdict: Verdict) -> str:
+    """The verdict in words."""
+    if not verdict.judged:
+        return "stopped in front of a window; the scene names no goal to judge by"
+    where = f"{verdict.distance_m:.1f} m from the window's centre" if verdict.distance_m is not None else "off"
+    if verdict.delivered:
+        return f"in front of the right window, {where}"
+    if verdict.right_window is False:
+        return f"claimed a window that is not the customer's ({where} of that one)"
+    sight = "in front of it" if verdict.in_front else "not in front of it"
+    clear = "in clear sight" if verdict.line_of_sight else "without a clear line of sight"
+    return f"the right window, but {where}, {sight}, {clear}"

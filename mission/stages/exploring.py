@@ -1,0 +1,82 @@
+"""Object exploration: look round with all cameras; where the object is not in sight, on to the policy's next stop."""
+
+import asyncio
+
+from mission.policies.base import NothingLeft, Plan
+from mission.stages.approaching import begin_approach
+from mission.stages.planning import memory_of, plan_onward
+from mission.stages.searching import search
+from mission.state import LeaveBlocked, LookRound, Stage
+from mission.step import MissionEnd, Step
+from mission.wording import counted
+
+MAX_APPROACHES = 8
+
+
+async def look_round(step: Step) -> Stage:
+    """One exploration step. Raises MissionEnd: object_not_found after the last one or where nothing is left to inspect,
+    answer_unreadable after too many useless answers in a row; PortError."""
+    _enter_search(step)
+    last = step.settings.max_exploration_steps
+    if step.state.exploration_steps >= last:
+        raise _not_found(step, f"no window with {step.thing} was found {_looked(step)}")
+    step.update(exploration_steps=step.state.exploration_steps + 1)
+    look = await step.look()
+    # the way on is worked out while the model looks; mostly it is needed
+    plan = asyncio.create_task(plan_onward(step, look))
+    try:
+        found = await search(step, look, f"step {step.state.exploration_steps}", plan=plan)
+        if found is not None:
+            return await begin_approach(step, found)
+        if step.state.exploration_steps < last:
+            await _go_on(step, await plan)
+        return LookRound()
+    finally:
+        plan.cancel()
+        await asyncio.gather(plan, return_exceptions=True)
+
+
+async def leave_blocked(step: Step) -> LookRound:
+    """On to the policy's next stop without another question for the object. Raises as `look_round`."""
+    _enter_search(step)
+    if step.state.exploration_steps < step.settings.max_exploration_steps:
+        await _go_on(step, await plan_onward(step, await step.look()))
+    return LookRound()
+
+
+def _enter_search(step: Step) -> None:
+    """Back in the search, unless too many sightings did not stand up."""
+    if step.state.approaches >= MAX_APPROACHES:
+        raise _not_found(step, f"{MAX_APPROACHES} sightings did not stand up to a nearer look")
+    if step.state.phase != "explore":
+        step.enter("explore", f"looking for {step.thing} on floor {step.state.floor}")
+
+
+async def _go_on(step: Step, plan: Plan) -> None:
+    """Takes the plan's way. Raises MissionEnd (object_not_found) where nothing is left; PortError."""
+    onward = await plan.onward()
+    step.update(memory=onward.memory.model_dump(mode="json"))
+    if onward.told is not None:
+        step.write(*onward.told)
+    if isinstance(onward.stop, NothingLeft):
+        raise _not_found(step, f"no window with {step.thing} was found; {onward.stop.why}")
+    step.plan_flight(*onward.stop)
+
+
+def _not_found(step: Step, message: str) -> MissionEnd:
+    """A sighting that could not be reached and never came back into sight is the better reason."""
+    lost = step.state.lost
+    if lost is not None and lost.blocked:
+        return MissionEnd("blocked", f"the object was seen, but the way to its window is not free ({lost.why})")
+    return MissionEnd("object_not_found", message)
+
+
+def _looked(step: Step) -> str:
+    """How far the search came, for a person."""
+    looked = f"after {counted(step.state.exploration_steps, 'exploration step')}"
+    share = memory_of(step).inspected_share
+    if share is not None:
+        looked += f", with {100 * share:.0f} % of the known facade inspected"
+    if step.state.dismissed:
+        looked += f"; {counted(len(step.state.dismissed), 'sighting')} did not stand up to a nearer look"
+    return looked

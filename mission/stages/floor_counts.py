@@ -1,0 +1,127 @@
+"""One floor count: the question, the answer, and what of both goes into the record."""
+
+import math
+from typing import NamedTuple
+
+from contracts.event_data import (
+    BandDecision,
+    FacadeBand,
+    FinalHeightDecision,
+    FloorCountData,
+    FloorDecision,
+    FloorDecisionName,
+    FloorNotFoundDecision,
+)
+from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
+from mission.looks import Sight
+from mission.model_calls import Answered
+from mission.step import MissionEnd, Step
+from mission.wording import counted
+from navigation import facade
+from navigation.floor_localization import Band, Climb, FinalHeight, FloorNotFound, Recount, Settings
+
+VERTICAL_FOV_RAD = math.pi / 2
+FACADE = facade.Settings()
+NUDGE_RAD = math.radians(4)
+
+Decision = Climb | FinalHeight | Recount | FloorNotFound
+
+
+class Count(NamedTuple):
+    """The floors in one picture, null where the model's answer said nothing; and their window rows, 0..1 from the top,
+    where the model tells one for each of them."""
+
+    floors: int | None
+    rows: tuple[float, ...] | None
+    answer: FloorCountAnswer
+    seconds: float
+
+
+class Decided(NamedTuple):
+    """A decision as the record has it, and in words."""
+
+    name: FloorDecisionName
+    detail: FloorDecision
+    words: str
+
+
+async def count_floors(step: Step, sight: Sight) -> Count:
+    """Asks for the floors in one picture. Raises PortError."""
+    step.count_stop()
+    question = FloorCountQuestion(
+        model=step.settings.vision_model, oracle_episode=step.state.vehicle, image=sight.view.image
+    )
+    reply = await step.ask("floors", step.ports.vision.floor_count(question))
+    floors, rows = (reply.answer.floors, reply.answer.rows) if isinstance(reply, Answered) else (None, None)
+    return Count(floors, rows if rows is not None and len(rows) == floors else None, reply.answer, reply.seconds)
+
+
+def eq3_settings(step: Step) -> Settings:
+    return Settings(reading=step.settings.band_reading)
+
+
+def turn_a_little(step: Step, silent: int) -> None:
+    """Another picture of the same floors, or a deterministic model would only repeat itself."""
+    step.plan_flight((), step.pose.yaw + NUDGE_RAD * (-1) ** silent, "a slightly different look")
+
+
+def write_count(
+    step: Step, sight: Sight, count: Count, here: Band | None, top_m: float | None, decision: Decision | None
+) -> None:
+    """The event of a count and what eq. 3 makes of it; `here` is null for a picture of the whole building."""
+    place = f"band {here.number}" if here else "the whole building"
+    said = counted(count.floors, "floor") if count.floors is not None else f"the answer was {count.answer.outcome}"
+    if count.floors is not None and count.answer.floors is not None and count.floors != count.answer.floors:
+        once_more = count.floors < count.answer.floors
+        said += " (without one counted below)" if once_more else " (with what the picture does not show)"
+    decided = _decided(decision)
+    step.write(
+        f"{place}: {said}; {decided.words}",
+        FloorCountData(
+            pose=sight.pose,
+            band=_recorded(here),
+            facade_top_m=round(top_m, 3) if top_m is not None else None,
+            floors_new=count.floors,
+            floors_wanted=step.state.floor,
+            answer=count.answer,
+            decision=decided.name,
+            detail=decided.detail,
+            seconds=round(count.seconds, 4),
+        ),
+        lambda: {sight.name: sight.jpeg},
+    )
+
+
+def not_there(step: Step, end: FloorNotFound) -> MissionEnd:
+    return MissionEnd(
+        "floor_not_found",
+        f"{end.floors_counted:g} floors were counted up to the facade's top at {end.facade_top_m:.1f} m; "
+        f"there is no floor {step.state.floor}",
+    )
+
+
+def useless(times: int, count: Count) -> MissionEnd:
+    return MissionEnd(
+        "answer_unreadable", f"the floor count was {count.answer.outcome} {times} times; no height can be found"
+    )
+
+
+def _decided(decision: Decision | None) -> Decided:
+    match decision:
+        case FinalHeight():
+            words = f"height found: {decision.height_m:.1f} m"
+            return Decided("FinalHeight", FinalHeightDecision(**decision._asdict()), words)
+        case FloorNotFound():
+            return Decided("FloorNotFound", FloorNotFoundDecision(**decision._asdict()), "no such floor")
+        case Climb():
+            detail = BandDecision(band=_recorded(decision.band), floors_counted=decision.floors_counted)
+            return Decided("Climb", detail, "climb on")
+        case Recount():
+            detail = BandDecision(band=_recorded(decision.band), floors_counted=decision.floors_counted)
+            return Decided("Recount", detail, "ask again")
+        case None:
+            return Decided("Recount", BandDecision(band=None, floors_counted=0.0), "ask again")
+
+
+def _recorded(band: Band | None) -> FacadeBand | None:
+    return FacadeBand(**band._asdict()) if band is not None else None

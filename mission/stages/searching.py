@@ -1,0 +1,173 @@
+"""One question for the object in all views of a look, and what depth says of the answer."""
+
+import math
+from collections.abc import Awaitable, Callable
+from typing import NamedTuple
+
+from contracts.event_data import JudgedMatch, LookData
+from contracts.geometry import Point3
+from contracts.images import encode_jpeg, jpeg_bytes
+from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match, View
+from mission.annotation import mark_box
+from mission.looks import Look, Sight
+from mission.model_calls import Answered
+from mission.places import distance_m, towards
+from mission.policies.base import Plan
+from mission.sighting import Sighting, facade_returns, is_dismissed, locate
+from mission.state import Seen
+from mission.step import MissionEnd, Step
+from mission.wording import counted
+
+_DRAWN_HEADINGS_DEG = (-90.0, 0.0, 90.0)
+
+
+class Found(NamedTuple):
+    """The object in one view, at a place that can be the window asked for."""
+
+    look: Look
+    sight: Sight
+    match: Match
+    seen: Seen
+
+
+def looks_again(step: Step) -> bool:
+    """Is a sighting looked at from nearer before it is claimed?"""
+    return step.settings.sightings.policy == "look-again"
+
+
+async def search(
+    step: Step, look: Look, what: str, near: Point3 | None = None, plan: Awaitable[Plan] | None = None
+) -> Found | None:
+    """Asks for the object in all views at once; `near` prefers the sighting closest to a place, `plan` knows what is on
+    the target building. Raises MissionEnd (answer_unreadable), PortError."""
+    step.count_stop()
+    question = FindObjectQuestion(
+        model=step.settings.vision_model,
+        oracle_episode=step.state.vehicle,
+        object=step.state.object or "",
+        views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in look.all),
+    )
+    reply = await step.ask("recognition", step.ports.vision.find_object(question))
+    sightings: list[Sighting] = []
+    claim = _claim_confidence(step, reply.answer)
+    if isinstance(reply, Answered):
+        step.update(silent_looks=0)
+        sightings = _judged(step, look, reply.answer, claim)
+        if plan is not None and any(s.rejected is None for s in sightings):
+            sightings = _of_target(sightings, (await plan).on_target)
+    else:
+        step.update(silent_looks=step.state.silent_looks + 1)
+    best = _best(sightings, near)
+    step.write(
+        f"{what}: {_said(reply.answer.outcome, sightings, best, step.state.object or 'object')}",
+        LookData(
+            exploration_step=step.state.exploration_steps,
+            pose=look.pose,
+            object=step.state.object,
+            answer=reply.answer,
+            sightings=tuple(_recorded(s, s is best) for s in sightings),
+            returns=tuple(facade_returns([s for s in look.all if s.camera.heading_deg in _DRAWN_HEADINGS_DEG])),
+            render_s=look.observation.timings_s.get("render", 0.0),
+            seconds=round(reply.seconds, 4),
+        ),
+        lambda: look.pictures | _boxed(look, best),
+    )
+    silent = step.state.silent_looks
+    if silent > step.settings.max_model_failures:
+        said = f"the recognition model gave {silent} answers in a row that say nothing ({reply.answer.outcome})"
+        raise MissionEnd("answer_unreadable", said)
+    return _found(look, best, claim) if best is not None else None
+
+
+def _found(look: Look, best: Sighting, claim: float) -> Found | None:
+    sight = look.towards(best.match.heading_deg)
+    if best.place is None or sight is None:
+        return None
+    confidence = best.match.confidence
+    seen = Seen(
+        place=best.place,
+        seen_from=look.pose,
+        confidence=confidence,
+        extent=best.extent,
+        claimable=confidence >= claim,
+    )
+    return Found(look, sight, best.match, seen)
+
+
+def _claim_confidence(step: Step, answer: FindObjectAnswer) -> float:
+    for confidence in (step.settings.sightings.claim_confidence, answer.claim_confidence):
+        if confidence is not None:
+            return confidence
+    return 0.0
+
+
+def _judged(step: Step, look: Look, answer: FindObjectAnswer, claim: float) -> list[Sighting]:
+    """The matches worth a judgement, each held against depth, height, and what was dismissed before."""
+    worth = min(claim, step.settings.sightings.candidate_confidence) if looks_again(step) else claim
+    sightings = []
+    for match in answer.matches:
+        sight = look.towards(match.heading_deg)
+        if sight is not None and match.confidence >= worth:
+            sightings.append(_judge(step, match, sight, claimable=match.confidence >= claim))
+    return sightings
+
+
+def _judge(step: Step, match: Match, sight: Sight, *, claimable: bool) -> Sighting:
+    state = step.state
+    sighting = locate(
+        match, sight, floor_z=state.final_height_m or 0.0, floor_height_m=state.floor_height_m or 3.0
+    )
+    place = sighting.place
+    if sighting.rejected is None and place is not None:
+        if is_dismissed(state.dismissed, place, sight.pose, match.confidence, claimable=claimable):
+            return sighting._replace(rejected="looked at from near before")
+    return sighting
+
+
+def _of_target(sightings: list[Sighting], on_target: Callable[[Point3], bool]) -> list[Sighting]:
+    """The same, with those rejected that are on another building."""
+    return [
+        s._replace(rejected="not on the building searched")
+        if s.rejected is None and s.place is not None and not on_target(s.place)
+        else s
+        for s in sightings
+    ]
+
+
+def _best(sightings: list[Sighting], near: Point3 | None) -> Sighting | None:
+    """The most confident sighting that was not rejected, or the one closest to `near`."""
+    kept = [s for s in sightings if s.rejected is None and s.place is not None]
+    if not kept:
+        return None
+    if near is None:
+        return kept[0]
+    return min(kept, key=lambda s: distance_m(s.place, near) if s.place else math.inf)
+
+
+def _said(outcome: str, sightings: list[Sighting], best: Sighting | None, thing: str) -> str:
+    if outcome != "answered":
+        return f"the recognition model's answer was {outcome}"
+    if best is not None:
+        return f"{thing} seen {towards(best.match.heading_deg)}, {best.distance_m:.1f} m away"
+    if sightings:
+        return f"{counted(len(sightings), 'sighting')} rejected: {sightings[0].rejected}"
+    return f"no {thing} in sight"
+
+
+def _recorded(sighting: Sighting, accepted: bool) -> JudgedMatch:
+    return JudgedMatch(
+        **dict(sighting.match),
+        place=sighting.place,
+        distance_m=round(sighting.distance_m, 2) if sighting.distance_m is not None else None,
+        accepted=accepted,
+        rejected=sighting.rejected,
+    )
+
+
+def _boxed(look: Look, best: Sighting | None) -> dict[str, bytes]:
+    """The view of the sighting, with its box drawn."""
+    sight = look.towards(best.match.heading_deg) if best is not None else None
+    if best is None or sight is None:
+        return {}
+    label = f"{best.match.confidence:.2f}, {best.distance_m:.1f} m" if best.distance_m is not None else ""
+    return {"sighting": jpeg_bytes(encode_jpeg(mark_box(sight.rgb, best.match.box, label)))}

@@ -1,0 +1,197 @@
+"""One step of a mission under way: what its stages do to the world, and the state that comes of it.
+
+The state is a value; `Step.state` is the latest one, replaced at every change, so that a step that is broken off still
+tells how far it came.
+"""
+
+import time
+from collections.abc import Awaitable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from contracts.event_data import EventData, MoveData, NoData, TurnData
+from contracts.geometry import Point3, Pose
+from contracts.llm_parser import ParseAnswer
+from contracts.orchestrator import MissionSettings, ModelCalls, OutcomeName, Phase, Stop
+from contracts.vehicle import Move, MoveResult, VehicleCapabilities, VehicleState
+from contracts.vlm_gateway import Answer, Role
+from mission.looks import Look, Sight, look_of
+from mission.model_calls import Reply, ask
+from mission.placement import Placement
+from mission.places import point_of, spoken
+from mission.policies.base import SearchPolicy
+from mission.ports import Ports
+from mission.record import Log, Pictures
+from mission.state import MissionState, PlannedFlight
+from mission.vehicle import Vehicle
+from mission.wording import with_article
+
+T = TypeVar("T")
+A = TypeVar("A", bound=Answer | ParseAnswer)
+
+
+class MissionEnd(Exception):
+    """The mission is over: its outcome, and why, for a person."""
+
+    def __init__(self, outcome: OutcomeName, message: str) -> None:
+        super().__init__(message)
+        self.outcome = outcome
+        self.message = message
+
+
+@dataclass(frozen=True)
+class Drone:
+    """The vehicle that is flown, and what it says that it is."""
+
+    vehicle: Vehicle
+    capabilities: VehicleCapabilities
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        return tuple(camera.name for camera in self.capabilities.cameras)
+
+    @property
+    def front(self) -> str:
+        """The level camera that looks along the nose, or the nearest to it."""
+        level = [c for c in self.capabilities.cameras if c.pitch_deg == 0.0] or list(self.capabilities.cameras)
+        return min(level, key=lambda c: abs(c.heading_deg)).name
+
+    def within(self, reach_deg: float) -> tuple[str, ...]:
+        """The cameras whose headings lie within that of the nose."""
+        return tuple(c.name for c in self.capabilities.cameras if abs(c.heading_deg) <= reach_deg)
+
+
+@dataclass(frozen=True)
+class MissionContext:
+    """What a mission is flown with: the services, where the drone comes from, every setting, the log. None of it is
+    part of the state; whoever carries a mission on brings its own. `drone` is null before it has been looked up."""
+
+    ports: Ports
+    placement: Placement
+    settings: MissionSettings
+    policy: SearchPolicy
+    log: Log
+    drone: Drone | None = None
+
+    async def with_drone(self, state: MissionState) -> "MissionContext":
+        """The same with the state's vehicle at hand. Raises PortError."""
+        if self.drone is not None or state.vehicle is None:
+            return self
+        vehicle = await self.placement.resume(state.vehicle)
+        return replace(self, drone=Drone(vehicle, await vehicle.connect()))
+
+
+class Step:
+    """One step: `state` begins as the one given and ends as the next."""
+
+    def __init__(self, state: MissionState, context: MissionContext) -> None:
+        self.state = state
+        self.context = context
+        self.ports, self.settings, self.policy = context.ports, context.settings, context.policy
+
+    def update(self, **changes: object) -> None:
+        """Replaces fields of the state."""
+        assert changes.keys() <= MissionState.model_fields.keys(), changes.keys()
+        self.state = self.state.model_copy(update=changes)
+
+    @property
+    def drone(self) -> Drone:
+        """Raises RuntimeError before it has been placed."""
+        if self.context.drone is None:
+            raise RuntimeError("the drone has not been placed yet")
+        return self.context.drone
+
+    @property
+    def flown(self) -> VehicleState:
+        """The vehicle after its last flight. Raises RuntimeError before it has been placed."""
+        if self.state.drone is None:
+            raise RuntimeError("the drone has not been placed yet")
+        return self.state.drone
+
+    @property
+    def pose(self) -> Pose:
+        return self.flown.pose
+
+    @property
+    def thing(self) -> str:
+        """What is looked for, with its article, for a person."""
+        return with_article(self.state.object or "object")
+
+    def write(self, message: str, data: EventData, pictures: Pictures | None = None) -> None:
+        """One event of the phase under way."""
+        self.update(events=self.state.events + 1)
+        self.context.log.write(self.state.events, self.state.phase, message, data, pictures)
+
+    def enter(self, phase: Phase, message: str) -> None:
+        """The next phase begins."""
+        self.update(phase=phase)
+        self.write(message, NoData())
+
+    def count_stop(self) -> None:
+        """This stop carries a model query; several queries at the same place are one stop."""
+        moves = self.flown.moves
+        if self.state.counted_at != moves:
+            stop = Stop(phase=self.state.phase, pose=self.pose)
+            self.update(counted_at=moves, steps=self.state.steps + 1, stops=(*self.state.stops, stop))
+
+    def spend(self, part: str, seconds: float) -> None:
+        """Adds wall time to a part."""
+        spent = self.state.seconds
+        self.update(seconds=spent | {part: spent.get(part, 0.0) + seconds})
+
+    async def timed(self, part: str, call: Awaitable[T]) -> T:
+        """Awaits the call and adds its wall time to a part."""
+        started = time.perf_counter()
+        try:
+            return await call
+        finally:
+            self.spend(part, time.perf_counter() - started)
+
+    async def ask(self, role: Role, call: Awaitable[A]) -> Reply[A]:
+        """Asks a model and counts the call, whatever its end. Raises PortError."""
+
+        def count(calls: ModelCalls) -> None:
+            self.update(calls=self.state.calls | {role: calls})
+
+        reply = await ask(call, self.state.calls.get(role, ModelCalls()), count)
+        self.spend(role, reply.seconds)
+        return reply
+
+    async def look(self, cameras: Sequence[str] | None = None) -> Look:
+        """One observation by these cameras, or by all. Raises PortError."""
+        wanted = self.drone.cameras if cameras is None else tuple(cameras)
+        return look_of(await self.timed("observe", self.drone.vehicle.observe(wanted)), wanted)
+
+    async def look_ahead(self) -> Sight:
+        """The view along the nose. Raises PortError."""
+        return (await self.look((self.drone.front,))).sights[self.drone.front]
+
+    def plan_flight(self, path: Sequence[Point3], yaw: float | None, why: str) -> None:
+        """The next step begins with this flight."""
+        self.update(flight=PlannedFlight(move=Move(path=tuple(path), yaw=yaw), why=why))
+
+    async def fly(self, flight: PlannedFlight) -> MoveResult:
+        """One move, recorded. Raises MissionEnd (collision) where the drone hit something, PortError."""
+        before, move = self.flown, flight.move
+        done = await self.timed("move", self.drone.vehicle.fly(before.moves + 1, move))
+        trail = (*self.state.trail, *move.path[:-1], point_of(done.pose)) if move.path else self.state.trail
+        self.update(drone=done.vehicle, flight=None, arrived=done.reached, trail=trail)
+        kind = MoveData if move.path else TurnData
+        self.write(
+            flight.why + ("" if done.reached else f"; stopped early{f' by {done.hit}' if done.hit else ''}"),
+            kind(
+                number=done.number,
+                start=before.pose,
+                to=done.pose,
+                path=move.path,
+                reached=done.reached,
+                collided=done.collided,
+                hit=done.hit,
+                path_m=round(done.path_m, 3),
+                flight_s=round(done.flight_s, 3),
+            ),
+        )
+        if done.collided or done.vehicle.collided:
+            hit = f" with {done.hit}" if done.hit else ""
+            raise MissionEnd("collision", f"the drone collided{hit} at {spoken(done.pose)} ({flight.why})")
+        return done
