@@ -1,7 +1,6 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
 from collections.abc import Awaitable
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -31,6 +30,7 @@ from contracts.vlm_gateway import (
     FloorCountQuestion,
 )
 from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
+from service_kit.addresses import Addresses
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
 
 M = TypeVar("M", bound=BaseModel)
@@ -43,16 +43,6 @@ MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
 DEPTH_DEADLINE_S = 30.0
 END_DEADLINE_S = 5.0
-
-
-@dataclass(frozen=True)
-class Addresses:
-    """Where the four services listen."""
-
-    llm_parser: str = "http://127.0.0.1:8101"
-    vlm_gateway: str = "http://127.0.0.1:8102"
-    depth_assist: str = "http://127.0.0.1:8103"
-    sim: str = "http://127.0.0.1:8104"
 
 
 class HttpParser:

@@ -4,9 +4,10 @@ from pathlib import Path
 
 from fastapi import FastAPI
 
-from mission.clients import Addresses, Services
+from mission.clients import Services
 from orchestrator.app import build_app
 from orchestrator.desk import Desk
+from service_kit.addresses import Addresses
 from service_kit.settings import BadSetting, Settings
 
 PORT = 8100

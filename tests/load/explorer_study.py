@@ -17,6 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.metrics.coverage import in_view
+from evaluation.metrics.proportion import share
+from evaluation.metrics.spl import Flown, spl
+from evaluation.task_set.task_files import load
 from navigation import safe_distance, viewpoint
 from navigation.camera import DepthView, Pose, move_pose, pinhole
 from navigation.explorer.explore import Memory, explore
@@ -35,10 +39,6 @@ from tests.navigation.explorer_worlds import (
 from tests.navigation.explorer_worlds import views as look
 from tests.navigation.raycast_world import HEADINGS, units
 from tests.navigation.scene_worlds import from_scene
-from vld.metrics.coverage import in_view
-from vld.metrics.proportion import share
-from vld.metrics.spl import Flown, spl
-from vld.tasks import load
 
 MAX_STEPS = 30
 RADIUS_M = 0.35

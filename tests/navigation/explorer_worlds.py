@@ -6,11 +6,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.scene_generator.footprints import distance_to_outline, outline, rotated
+from evaluation.scene_generator.scene_plan import FootprintSpec, Shape
 from navigation.camera import DepthView, Pinhole, Pose
 from navigation.shortest_path import NoWay, VisibilityGraph
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle
-from vld.footprints import distance_to_outline, outline, rotated
-from vld.scene_plan import FootprintSpec, Shape
 
 Around = Literal["none", "street", "ring"]
 SHAPES: tuple[Shape, ...] = ("rectangle", "l", "u", "t", "plus", "octagon")

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mission.clients import Addresses, Services
-from orchestrator.processes import PORTS, Processes, free_ports, oracle_settings, own_environment
+from launcher.processes import Processes, free_ports, oracle_settings, own_environment
+from mission.clients import Services
+from service_kit.addresses import PORTS, Addresses
 
 
 @pytest.fixture(scope="session")

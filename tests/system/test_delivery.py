@@ -16,11 +16,12 @@ import pytest
 from contracts.geometry import Point3
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, Event, MissionSettings
 from contracts.scene import FreePlace, SceneObject
-from mission.clients import Addresses, Services
+from launcher.processes import free_ports
+from mission.clients import Services
 from mission.record import read_events
 from orchestrator import sample_library
 from orchestrator.delivery import Order, Run
-from orchestrator.processes import FLIGHT_SERVICES, free_ports
+from service_kit.addresses import FLIGHT_SERVICES, Addresses
 
 SMALL = MissionSettings(image_size=320)
 SAMPLE = "green-flower-pot"
@@ -130,7 +131,7 @@ def test_over_rest_the_events_stream_and_can_be_replayed(orchestrator_url: str) 
 
 def deliver(*arguments: str, at: Addresses, runs: Path) -> subprocess.Popen[str]:
     urls = ",".join(f"{name}={url}" for name, url in vars(at).items())
-    command = [sys.executable, "-m", "orchestrator.cli", "deliver", *arguments, "--services", urls, "--out", str(runs)]
+    command = [sys.executable, "-m", "command_line.main", "deliver", *arguments, "--services", urls, "--out", str(runs)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=dict(os.environ))
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from evaluation.task_set.task_files import shipped
 from navigation.camera import DepthView, Pose, pinhole
 from navigation.explorer import blob
 from navigation.explorer.explore import NoFacade, explore
@@ -13,7 +14,6 @@ from tests.load.explorer_study import Flight, contour, figures, fly, paper
 from tests.navigation.explorer_worlds import make_task
 from tests.navigation.raycast_world import Prism, World, rectangle
 from tests.navigation.scene_worlds import from_scene
-from vld.tasks import shipped
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
 HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
