@@ -4,11 +4,11 @@ import io
 from pathlib import Path
 
 from rich.console import Console
-from tests.orchestrator.box_world import Block, BlockWorld, block_ports, block_scene
 
 from command_line.delivery_view import LiveView, PlainView, print_result
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, Event
 from orchestrator.delivery import Order, Run
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
 
 REQUEST = "floor 4, [bold] the green flower pot"
 

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
-from tests.orchestrator.box_world import BlockWorld, block_ports
 
 from command_line.subtask import print_scores
 from contracts.geometry import Point3
@@ -20,6 +19,7 @@ from mission.clients import Services
 from mission.ports import ModelUnreachable
 from orchestrator import sample_library
 from tests.evaluation.evaluation_kit import a_task
+from tests.mission.box_world import BlockWorld, block_ports
 
 
 def villa() -> Task:
