@@ -14,8 +14,8 @@ from rich.table import Table
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, Printed, Redrawn, bar, interruptible, stop
 from evaluation.bench.run_settings import RunSettings
 from evaluation.metrics.summary import Rate
-from evaluation.subtasks.crew import CannotAsk, ask_all
 from evaluation.subtasks.figures import Subtask, SubtaskScores
+from evaluation.subtasks.question_pool import CannotAsk, ask_all
 from evaluation.subtasks.run import Plan, scored
 from evaluation.subtasks.worker import AskJob
 from evaluation.task_set.task import Task

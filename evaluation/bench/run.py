@@ -8,10 +8,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from evaluation.bench.crew import Hand, Member, WorkerBroke, WorkerCantStart, all_at_work, broken_episode
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.table import write_parquet
 from evaluation.bench.worker import Job, Order
+from evaluation.bench.worker_pool import (
+    FlyingProcess,
+    FlyingWorker,
+    WorkerBroke,
+    WorkerCantStart,
+    broken_episode,
+    run_workers,
+)
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.summary import Summary, summarize
 from evaluation.task_set.task import Task
@@ -48,10 +55,10 @@ class Run:
         job: Job,
         workers: int,
         listener: Listener | None = None,
-        hire: Callable[[Job, Path], Member] = Hand,
+        new_worker: Callable[[Job, Path], FlyingWorker] = FlyingProcess,
     ) -> None:
-        """`hire` makes a worker from its job and the file for its log."""
-        self._hire = hire
+        """`new_worker` makes a worker from its job and the file for its log."""
+        self._new_worker = new_worker
         self._folder = folder
         self._job = job
         self._workers = workers
@@ -66,7 +73,7 @@ class Run:
         self._began = time.perf_counter()
         self._tell(None)
         try:
-            await all_at_work(self._work, min(self._workers, len(self._pending)))
+            await run_workers(self._work, min(self._workers, len(self._pending)))
         finally:
             self._folder.note_wall(self._session_s)
 
@@ -85,36 +92,36 @@ class Run:
 
     async def _work(self, number: int) -> None:
         logs = Path(self._folder.path) / "logs" / f"worker-{number}"
-        hand = self._hire(self._job.model_copy(update={"logs": str(logs)}), logs / "worker.log")
+        worker = self._new_worker(self._job.model_copy(update={"logs": str(logs)}), logs / "worker.log")
         try:
-            await self._start(hand)
+            await self._start(worker)
             task = self._next()
             while task is not None:
                 upcoming = self._next()
                 started, began = now(), time.perf_counter()
                 try:
-                    record = await hand.fly(Order(task=task, upcoming=upcoming))
+                    record = await worker.fly(Order(task=task, upcoming=upcoming))
                 except WorkerBroke as error:
                     self._add(broken_episode(task, started, time.perf_counter() - began, str(error)))
-                    await hand.stop()
+                    await worker.stop()
                     self._broken += 1
                     if self._broken >= MAX_BROKEN_IN_A_ROW:
                         raise CannotRun(f"{self._broken} workers broke in a row; the last: {error}") from None
-                    await self._start(hand)
+                    await self._start(worker)
                 else:
                     self._broken = 0
                     self._add(record)
                 task = upcoming
         finally:
             # not to be left half done by a second Ctrl-C: services would stay behind
-            await asyncio.shield(hand.stop())
+            await asyncio.shield(worker.stop())
 
     def _next(self) -> Task | None:
         return self._pending.popleft() if self._pending else None
 
-    async def _start(self, hand: Member) -> None:
+    async def _start(self, worker: FlyingWorker) -> None:
         try:
-            await hand.start()
+            await worker.start()
         except WorkerCantStart as error:
             raise CannotRun(str(error)) from None
 

@@ -1,7 +1,7 @@
 """One worker of a run: a process with services of its own that flies one task after the other.
 
 `python -m evaluation.bench.worker` reads lines from standard input: first one Job, then one Order each. It answers on
-standard output: one Ready, then one EpisodeRecord an order (see evaluation.bench.serving).
+standard output: one Ready, then one EpisodeRecord an order (see evaluation.bench.worker_loop).
 """
 
 import asyncio
@@ -21,7 +21,7 @@ from contracts.base import Name, Wire
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
 from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
-from evaluation.bench.serving import answer_lines
+from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
 from evaluation.task_set.task import Task

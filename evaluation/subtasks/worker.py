@@ -1,7 +1,7 @@
 """One worker of a subtask: a process with services of its own that is asked about one task after the other.
 
 `python -m evaluation.subtasks.worker` reads lines from standard input: first one AskJob, then one AskOrder each. It
-answers on standard output: one Ready, then one Asked an order (see evaluation.bench.serving).
+answers on standard output: one Ready, then one Asked an order (see evaluation.bench.worker_loop).
 """
 
 import asyncio
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from contracts.base import Wire
-from evaluation.bench.serving import answer_lines
+from evaluation.bench.worker_loop import answer_lines
 from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.subtasks.figures import Subtask
 from evaluation.subtasks.run import Asked, Examiner, Plan

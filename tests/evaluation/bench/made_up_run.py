@@ -65,6 +65,6 @@ def fly_made_up(path: Path, workers: int, doom: Doom | None = None) -> None:
     """A process's work: flies what the folder lacks."""
     job = Job(folder="", logs="", mission=MissionSettings(), backend="oracle")
     with RunFolder(path, SETTINGS, TASKS) as folder:
-        run = Run(folder, job, workers, hire=lambda job, log: InventiveWorker(doom))
+        run = Run(folder, job, workers, new_worker=lambda job, log: InventiveWorker(doom))
         asyncio.run(run.fly())
         run.conclude()

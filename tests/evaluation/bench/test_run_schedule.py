@@ -11,19 +11,19 @@ from pathlib import Path
 import pytest
 
 from contracts.orchestrator import MissionSettings
-from evaluation.bench.crew import WorkerBroke
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.run import MAX_BROKEN_IN_A_ROW, CannotRun, Run, Standing
 from evaluation.bench.worker import Job, Order, who_ended
+from evaluation.bench.worker_pool import WorkerBroke
 from evaluation.metrics.episode import EpisodeRecord
 from launcher.processes import Child
 from tests.evaluation.bench.test_run_folder import TASKS, record, settings
-from tests.evaluation.scripted_member import ScriptedMember
+from tests.evaluation.scripted_worker import ScriptedWorkerBase
 
 JOB = Job(folder="", logs="", mission=MissionSettings(), backend="oracle")
 
 
-class ScriptedWorker(ScriptedMember):
+class ScriptedWorker(ScriptedWorkerBase):
     """Flies in no time; breaks at the tasks in `breaks`."""
 
     def __init__(self, flown: list[Order], breaks: set[str], starts: int = 100) -> None:
@@ -41,8 +41,8 @@ class ScriptedWorker(ScriptedMember):
         return record(order.task)
 
 
-def run_in(folder: RunFolder, hire: Callable[[], ScriptedWorker], workers: int, heard: list[Standing]) -> Run:
-    return Run(folder, JOB, workers, heard.append, hire=lambda job, log: hire())
+def run_in(folder: RunFolder, new_worker: Callable[[], ScriptedWorker], workers: int, heard: list[Standing]) -> Run:
+    return Run(folder, JOB, workers, heard.append, new_worker=lambda job, log: new_worker())
 
 
 @pytest.mark.parametrize("workers", [1, 2, 9])

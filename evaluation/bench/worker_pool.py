@@ -12,8 +12,8 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from contracts.base import Wire
-from evaluation.bench.serving import LINE_LIMIT, Ready
 from evaluation.bench.worker import Job, Order
+from evaluation.bench.worker_loop import LINE_LIMIT, Ready
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.task_set.task import Task
 from mission.record import now
@@ -29,7 +29,7 @@ class WorkerCantStart(Exception):
     """The worker could not start its services: no task would fare better."""
 
 
-class Member(Protocol):
+class FlyingWorker(Protocol):
     """What a run needs of a worker. `start` raises WorkerCantStart, `fly` raises WorkerBroke."""
 
     async def start(self) -> None: ...
@@ -39,7 +39,7 @@ class Member(Protocol):
     async def stop(self) -> None: ...
 
 
-class Pipe:
+class WorkerProcess:
     """A worker's process: `python -m MODULE`, one line in, one line out. `log`: where its standard error goes."""
 
     def __init__(self, module: str, job: Wire, log: Path) -> None:
@@ -105,7 +105,7 @@ class Pipe:
             await process.wait()
 
 
-class Hand(Pipe):
+class FlyingProcess(WorkerProcess):
     """One worker process that flies. `log`: where its standard error goes."""
 
     def __init__(self, job: Job, log: Path) -> None:
@@ -124,16 +124,16 @@ class Hand(Pipe):
         return record
 
 
-async def all_at_work(work: Callable[[int], Coroutine[Any, Any, None]], count: int) -> None:
+async def run_workers(work: Callable[[int], Coroutine[Any, Any, None]], count: int) -> None:
     """`work(1)` to `work(count)` side by side. Where one fails, or this is cancelled, the others are ended as well, and
     waited for. Raises what the first of them raised."""
-    crew = [asyncio.create_task(work(number)) for number in range(1, count + 1)]
+    running = [asyncio.create_task(work(number)) for number in range(1, count + 1)]
     try:
-        await asyncio.gather(*crew)
+        await asyncio.gather(*running)
     finally:
-        for member in crew:
-            member.cancel()
-        await asyncio.gather(*crew, return_exceptions=True)
+        for one in running:
+            one.cancel()
+        await asyncio.gather(*running, return_exceptions=True)
 
 
 def broken_episode(task: Task, started: str, wall_s: float, why: str) -> EpisodeRecord:

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from evaluation.bench.crew import Pipe, WorkerBroke, WorkerCantStart, all_at_work
+from evaluation.bench.worker_pool import WorkerBroke, WorkerCantStart, WorkerProcess, run_workers
 from evaluation.subtasks.run import Asked
 from evaluation.subtasks.worker import AskJob, AskOrder
 from evaluation.task_set.task import Task
@@ -20,7 +20,7 @@ class CannotAsk(Exception):
     """A question could not be put, or workers don't start or break; the message says why."""
 
 
-class Asker(Protocol):
+class QuestionWorker(Protocol):
     """What is needed of a worker. `start` raises WorkerCantStart, `ask_about` raises WorkerBroke."""
 
     async def start(self) -> None: ...
@@ -30,7 +30,7 @@ class Asker(Protocol):
     async def stop(self) -> None: ...
 
 
-class AskingProcess(Pipe):
+class QuestionProcess(WorkerProcess):
     """One worker process. `log`: where its standard error goes."""
 
     def __init__(self, job: AskJob, log: Path) -> None:
@@ -49,7 +49,7 @@ async def ask_all(
     tasks: Sequence[Task],
     workers: int,
     told: Callable[[int], None],
-    hire: Callable[[AskJob, Path], Asker] = AskingProcess,
+    new_worker: Callable[[AskJob, Path], QuestionWorker] = QuestionProcess,
 ) -> list[Asked]:
     """Every task once, the answers in the tasks' order; `told` hears how many are done. A task at which a worker breaks
     is tried once more by a fresh one: a figure over a part of the questions would be no figure. Raises CannotAsk."""
@@ -58,7 +58,7 @@ async def ask_all(
 
     async def work(number: int) -> None:
         logs = Path(job.logs) / f"worker-{number}"
-        worker = hire(job.model_copy(update={"logs": str(logs)}), logs / "worker.log")
+        worker = new_worker(job.model_copy(update={"logs": str(logs)}), logs / "worker.log")
         try:
             await worker.start()
             while pending:
@@ -74,11 +74,11 @@ async def ask_all(
             # not to be left half done by a second Ctrl-C: services would stay behind
             await asyncio.shield(worker.stop())
 
-    await all_at_work(work, min(workers, len(tasks)))
+    await run_workers(work, min(workers, len(tasks)))
     return [answers[task.id] for task in tasks]
 
 
-async def _asked(worker: Asker, task: Task) -> Asked:
+async def _asked(worker: QuestionWorker, task: Task) -> Asked:
     """Raises CannotAsk, WorkerCantStart."""
     for attempt in range(1, TRIES + 1):
         try:

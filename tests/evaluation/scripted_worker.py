@@ -1,9 +1,9 @@
 """A worker without a process, for the tests of who does what."""
 
-from evaluation.bench.crew import WorkerCantStart
+from evaluation.bench.worker_pool import WorkerCantStart
 
 
-class ScriptedMember:
+class ScriptedWorkerBase:
     """Starts and stops in no time; can't start after `starts` starts."""
 
     def __init__(self, starts: int = 100) -> None:

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 B = TypeVar("B")
 
 
-class Ahead(Generic[B]):
+class Prefetch(Generic[B]):
     """`make(number)` gives batch `number`, whoever calls it and when; `workers` 0 makes each when it is asked for."""
 
     def __init__(self, make: Callable[[int], B], workers: int) -> None:

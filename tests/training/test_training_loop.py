@@ -17,14 +17,14 @@ from training.crop_store import collect
 
 if TYPE_CHECKING:
     from training.nets import Proposer
-    from training.rounds import Plan, Trainer
+    from training.training_loop import Plan, Trainer
 
 pytestmark = [pytest.mark.train, pytest.mark.filterwarnings("ignore")]
 
 
 @pytest.fixture
 def plan() -> "Plan":
-    from training.rounds import Plan
+    from training.training_loop import Plan
 
     return Plan(steps=20, rate=1e-3, warm=3, save_every=4, log_every=5)
 

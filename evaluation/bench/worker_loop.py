@@ -20,7 +20,7 @@ class Ready(Wire):
     problem: str | None = None
 
 
-class Serving(Protocol):
+class WorkerLogic(Protocol):
     """What a worker does between the lines."""
 
     async def start(self) -> None:
@@ -33,7 +33,7 @@ class Serving(Protocol):
     async def stop(self) -> None: ...
 
 
-async def serve(hire: Callable[[bytes], Serving]) -> int:
+async def serve(new_worker: Callable[[bytes], WorkerLogic]) -> int:
     """The process: answers every line of its input; the first makes the worker. Returns its exit status."""
     loop = asyncio.get_running_loop()
     reader = asyncio.StreamReader(limit=LINE_LIMIT)
@@ -41,7 +41,7 @@ async def serve(hire: Callable[[bytes], Serving]) -> int:
     first = await reader.readline()
     if not first:
         return 0
-    worker = hire(first)
+    worker = new_worker(first)
     gone = asyncio.Event()
     lines: asyncio.Queue[bytes] = asyncio.Queue()
 
@@ -78,13 +78,13 @@ async def serve(hire: Callable[[bytes], Serving]) -> int:
         await worker.stop()
 
 
-def answer_lines(module: str, hire: Callable[[bytes], Serving]) -> int:
+def answer_lines(module: str, new_worker: Callable[[bytes], WorkerLogic]) -> int:
     """A worker's whole process. Returns the exit status; a message that is not of the contract ends it with one line
     on standard error, in the name of `module`."""
     try:
         # whoever gave the work may have been killed: then nobody reads the answers
         with contextlib.suppress(BrokenPipeError):
-            return asyncio.run(serve(hire))
+            return asyncio.run(serve(new_worker))
     except ValidationError as error:
         sys.stderr.write(f"{module}: {error.errors()[0]['msg']}\n")
         return 2

@@ -9,20 +9,20 @@ import pytest
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import ModelCalls
 from contracts.sim import TruthView
-from evaluation.bench.crew import WorkerBroke
+from evaluation.bench.worker_pool import WorkerBroke
 from evaluation.subtasks import choice, floors, parse, recognition
-from evaluation.subtasks.crew import TRIES, CannotAsk, ask_all
+from evaluation.subtasks.question_pool import TRIES, CannotAsk, ask_all
 from evaluation.subtasks.run import Asked, Plan, scored
 from evaluation.subtasks.worker import AskJob
 from evaluation.task_set.task import Task
 from tests.evaluation.evaluation_kit import a_task
-from tests.evaluation.scripted_member import ScriptedMember
+from tests.evaluation.scripted_worker import ScriptedWorkerBase
 
 JOB = AskJob(subtask="parse", plan=Plan("embedded"), logs="nowhere")
 TASKS = [a_task(f"t-{n}") for n in range(7)]
 
 
-class ScriptedAsker(ScriptedMember):
+class ScriptedQuestionWorker(ScriptedWorkerBase):
     """Answers in no time, later tasks sooner; breaks at the tasks in `breaks` as often as they say."""
 
     def __init__(self, asked: list[str], breaks: dict[str, int], problem: str | None = None, starts: int = 99) -> None:
@@ -42,27 +42,29 @@ class ScriptedAsker(ScriptedMember):
         return Asked(task=task.id, parsed=(right,), problem=self._problem, calls=ModelCalls(calls=1))
 
 
-async def ask(workers: int, crew: list[ScriptedAsker], heard: list[int] | None = None) -> list[Asked]:
-    fresh = iter(crew)
+async def ask(workers: int, pool: list[ScriptedQuestionWorker], heard: list[int] | None = None) -> list[Asked]:
+    fresh = iter(pool)
     told = heard.append if heard is not None else lambda _: None
-    return await ask_all(JOB, TASKS, workers, told, hire=lambda job, log: next(fresh))
+    return await ask_all(JOB, TASKS, workers, told, new_worker=lambda job, log: next(fresh))
 
 
-def some(n: int, asked: list[str], breaks: Iterable[tuple[str, int]] = (), **more: object) -> list[ScriptedAsker]:
+def some(
+    n: int, asked: list[str], breaks: Iterable[tuple[str, int]] = (), **more: object
+) -> list[ScriptedQuestionWorker]:
     shared = dict(breaks)
-    return [ScriptedAsker(asked, shared, **more) for _ in range(n)]
+    return [ScriptedQuestionWorker(asked, shared, **more) for _ in range(n)]
 
 
 @pytest.mark.parametrize("workers", [1, 3, 20])
 async def test_every_task_is_asked_about_once_and_the_answers_keep_the_tasks_order(workers: int) -> None:
     asked: list[str] = []
     heard: list[int] = []
-    crew = some(workers, asked)
-    answers = await ask(workers, crew, heard)
+    pool = some(workers, asked)
+    answers = await ask(workers, pool, heard)
     assert sorted(asked) == [t.id for t in TASKS]
     assert [a.task for a in answers] == [t.id for t in TASKS]
     assert heard == list(range(1, len(TASKS) + 1))
-    assert not any(member.running for member in crew)
+    assert not any(worker.running for worker in pool)
 
 
 async def test_a_task_at_which_a_worker_breaks_is_tried_once_more() -> None:
@@ -73,25 +75,25 @@ async def test_a_task_at_which_a_worker_breaks_is_tried_once_more() -> None:
 
 
 async def test_what_cannot_be_asked_ends_it_with_the_reason_and_no_worker_running() -> None:
-    for crew, said in (
+    for pool, said in (
         (some(2, [], [("t-2", TRIES)]), "broke 2 times at t-2"),
         (some(2, [], problem="sim: it is gone"), "sim: it is gone"),
         (some(2, [], starts=0), "no port is free"),
     ):
         with pytest.raises(CannotAsk, match=said):
-            await ask(2, crew)
-        assert not any(member.running for member in crew)
+            await ask(2, pool)
+        assert not any(worker.running for worker in pool)
 
 
 async def test_interrupted_it_stops_its_workers() -> None:
-    crew = some(2, [])
-    asking = asyncio.create_task(ask(2, crew))
+    pool = some(2, [])
+    asking = asyncio.create_task(ask(2, pool))
     await asyncio.sleep(0.005)
-    assert any(member.running for member in crew)
+    assert any(worker.running for worker in pool)
     asking.cancel()
     with pytest.raises(asyncio.CancelledError):
         await asking
-    assert not any(member.running for member in crew)
+    assert not any(worker.running for worker in pool)
 
 
 def test_answers_survive_the_pipe() -> None:
