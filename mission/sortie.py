@@ -19,6 +19,7 @@ from mission.asking import CallBook
 from mission.ports import Ports, ServiceRefused
 from mission.record import Log, Pictures
 from mission.wording import with_article
+from navigation.camera import Camera, DepthView, pinhole
 
 T = TypeVar("T")
 
@@ -77,6 +78,15 @@ class Sight:
     @property
     def size(self) -> Size:
         return Size(self._depth.width, self._depth.height)
+
+    @property
+    def camera(self) -> Camera:
+        return pinhole(*self.size, 90.0, self.heading_deg)
+
+    @property
+    def seen(self) -> DepthView:
+        """The depth with its camera, as the mathematics takes it."""
+        return DepthView(self.camera, self.depth_m)
 
     @property
     def depth_view(self) -> ViewDepth:

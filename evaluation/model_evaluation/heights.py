@@ -8,7 +8,7 @@ from evaluation.metrics.floor_localization import TOLERANCE_M
 from evaluation.metrics.summary import Rate
 from evaluation.model_evaluation.asking import Answers, Counted
 from evaluation.model_evaluation.cases import Case, Front
-from evaluation.model_evaluation.pictures import VERTICAL_FOV_RAD
+from evaluation.model_evaluation.pictures import FRONT_VIEW
 from evaluation.subtasks.figures import by_group, mean, rate
 from navigation.floor_localization import (
     FinalHeight,
@@ -66,8 +66,8 @@ def stepwise_m(case: Case, counts: Mapping[int, Told]) -> float | None:
     for number in sorted(bands):
         front = bands[number]
         floors, rows = counts.get(number, Told(None))
-        here = band(number, band_span_m(front.stand_off_m, VERTICAL_FOV_RAD))
-        seen = WindowRows(rows, front.camera_m, front.stand_off_m, VERTICAL_FOV_RAD) if rows else None
+        here = band(number, band_span_m(front.stand_off_m, FRONT_VIEW))
+        seen = WindowRows(rows, front.camera_m, front.stand_off_m, FRONT_VIEW) if rows else None
         if seen is not None:
             rows = rows_of_band(seen, below, here)
             seen, floors = seen._replace(rows=rows), len(rows)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from contracts.geometry import VIEW_HEADINGS_DEG, Pose
-from contracts.images import decode_depth, jpeg_bytes
+from contracts.images import DepthMap, decode_depth, jpeg_bytes
 from contracts.scene_layout import wall_height_m
 from contracts.sim import Catalogue, Observation
 from evaluation.model_evaluation.cases import (
@@ -29,10 +29,12 @@ from evaluation.sim_client import SimClient
 from evaluation.subtasks.stage import Stage, staged
 from evaluation.subtasks.stops import Stop, before_goal, is_clear, on_lap
 from navigation import facade
-from navigation.floor_localization import band, band_span_m
+from navigation.camera import DepthView, pinhole
+from navigation.floor_localization import VerticalView, band, band_span_m
 
 NEAR_M, FAR_M = (3.5, 10.0), (10.0, 20.0)
-VERTICAL_FOV_RAD = math.pi / 2
+FRONT_VIEW = VerticalView(1.0, 1.0)
+"""Of paper-five's front camera: 90 degrees down as across."""
 STEP_BACK_M, STEPS_BACK = 12.0, 3
 _FACADE = facade.Settings()
 
@@ -119,7 +121,7 @@ def _fronts(seed: int, shown: Street, stage: Stage, folder: Path) -> list[Front]
     stand_off = _stand_off(stage.look((0,), depth=True))
     if stand_off is None:
         return []
-    span = band_span_m(stand_off, VERTICAL_FOV_RAD)
+    span = band_span_m(stand_off, FRONT_VIEW)
     fronts = []
     for number in range(1, math.ceil(top_m / span) + 1):
         camera_m = band(number, span).camera_m
@@ -145,7 +147,7 @@ def _front(seed: int, number: int, stand_off: float, stage: Stage, folder: Path)
     name = f"{seed}/front{number}.jpg"
     (folder / name).write_bytes(jpeg_bytes(seen.views[0].image))
     depth = seen.views[0].depth
-    top = facade.facade_top_m(decode_depth(depth), stand_off, pose.z, _FACADE) if depth is not None else None
+    top = facade.facade_top_m(_front_view(depth), stand_off, pose.z, _FACADE) if depth is not None else None
     return Front(
         number=number,
         camera_m=pose.z,
@@ -156,6 +158,10 @@ def _front(seed: int, number: int, stand_off: float, stage: Stage, folder: Path)
     )
 
 
+def _front_view(depth: DepthMap) -> DepthView:
+    return DepthView(pinhole(depth.width, depth.height, 90.0), decode_depth(depth))
+
+
 def _stand_off(seen: Observation) -> float | None:
     depth = seen.views[0].depth
-    return None if depth is None else facade.stand_off_m(decode_depth(depth), _FACADE)
+    return None if depth is None else facade.stand_off_m(_front_view(depth), _FACADE)

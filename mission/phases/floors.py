@@ -23,6 +23,7 @@ from navigation.floor_localization import (
     FloorNotFound,
     Recount,
     Settings,
+    VerticalView,
     WindowRows,
     band,
     band_span_m,
@@ -32,7 +33,6 @@ from navigation.floor_localization import (
     rows_of_band,
 )
 
-VERTICAL_FOV_RAD = math.pi / 2
 FACADE = facade.Settings()
 NUDGE_RAD = math.radians(4)
 DRIFT_M = 0.5
@@ -56,10 +56,11 @@ async def go_to_floor(sortie: Sortie) -> None:
     blocked, collision), PortError."""
     sortie.enter("floors", f"going to floor {sortie.floor}")
     sight = await _front(sortie)
-    stand_off = facade.stand_off_m(sight.depth_m, FACADE)
+    stand_off = facade.stand_off_m(sight.seen, FACADE)
     if stand_off is None:
         raise MissionEnd("floor_not_found", "depth shows no facade ahead of the drone, so no floor can be counted")
-    span = band_span_m(stand_off, VERTICAL_FOV_RAD)
+    view = _vertical(sight)
+    span = band_span_m(stand_off, view)
     sortie.write(
         "stand_off",
         f"the facade is {stand_off:.1f} m ahead: one picture spans {span:.1f} m of it",
@@ -69,7 +70,7 @@ async def go_to_floor(sortie: Sortie) -> None:
     if sortie.settings.floors == "direct-count":
         final = await _direct(sortie, stand_off)
     else:
-        final = await _stepwise(sortie, stand_off, band(1, span))
+        final = await _stepwise(sortie, stand_off, band(1, span, view.camera_at))
     sortie.final_height_m, sortie.floor_height_m = final.height_m, final.floor_height_m
     await _rise(sortie, final.height_m, f"to floor {sortie.floor} at {final.height_m:.1f} m")
     await _building_box(sortie)
@@ -82,7 +83,7 @@ async def _stepwise(sortie: Sortie, stand_off: float, here: Band) -> FinalHeight
     for _ in range(sortie.settings.max_bands + sortie.settings.max_model_failures):
         await _rise(sortie, here.camera_m, f"to the middle of band {here.number}")
         sight = await _front(sortie)
-        top = facade.facade_top_m(sight.depth_m, stand_off, sight.pose.z, FACADE)
+        top = facade.facade_top_m(sight.seen, stand_off, sight.pose.z, FACADE)
         sight = await _hold(sortie, sight, stand_off, top)
         count = _across_edge(await _count(sortie, sight), sight, here, below, stand_off)
         decision = decide(here, floors_below, count.floors, sortie.floor or 1, top, _eq3(sortie))
@@ -130,8 +131,8 @@ def _window_rows(sight: Sight, count: Count, at: int, stand_off: float) -> Windo
     if not count.rows:
         return None
     row = count.rows[at] if -1 <= at < len(count.rows) else 0.5
-    wall_m = facade.wall_at_row_m(sight.depth_m, row, stand_off, FACADE)
-    return WindowRows(count.rows, sight.pose.z, wall_m, VERTICAL_FOV_RAD)
+    wall_m = facade.wall_at_row_m(sight.seen, row, stand_off, FACADE)
+    return WindowRows(count.rows, sight.pose.z, wall_m, _vertical(sight))
 
 
 async def _direct(sortie: Sortie, stand_off: float) -> FinalHeight:
@@ -145,7 +146,7 @@ async def _direct(sortie: Sortie, stand_off: float) -> FinalHeight:
         away = stand_off + math.hypot(sortie.flown.pose.x - home.x, sortie.flown.pose.y - home.y)
         await _rise(sortie, away, "to see the whole building")
         sight = await _front(sortie)
-        top = facade.facade_top_m(sight.depth_m, away, sight.pose.z, FACADE)
+        top = facade.facade_top_m(sight.seen, away, sight.pose.z, FACADE)
         if top is not None:
             break
     for silent in range(sortie.settings.max_model_failures + 1):
@@ -207,7 +208,7 @@ async def _rise(sortie: Sortie, z: float, why: str) -> MoveResult | None:
 
 async def _hold(sortie: Sortie, sight: Sight, stand_off: float, top: float | None) -> Sight:
     """Follows a facade that steps back as it rises, so that bands keep touching; only where no roof is in sight."""
-    now = facade.stand_off_m(sight.depth_m, FACADE)
+    now = facade.stand_off_m(sight.seen, FACADE)
     if top is not None or now is None or not DRIFT_M < now - stand_off <= FACADE.recess_m:
         return sight
     await sortie.fly((ahead(sight.pose, 0.0, now - stand_off),), sight.pose.yaw, "following the facade")
@@ -249,6 +250,10 @@ async def _building_box(sortie: Sortie) -> None:
         },
         lambda: {sight.name: jpeg_bytes(encode_jpeg(mark_box(sight.rgb, box, "building"))) if box else sight.jpeg},
     )
+
+
+def _vertical(sight: Sight) -> VerticalView:
+    return VerticalView(sight.camera.up_slope, sight.camera.down_slope)
 
 
 def _eq3(sortie: Sortie) -> Settings:

@@ -95,13 +95,15 @@ def paper() -> Policy:
     def step(views: dict[int, DepthView], pose: Pose) -> Move:
         nonlocal d_max
         means = {
-            h: viewpoint.slice_means(units(v.depth_m), 0.002, settings.slices, settings.sensor_range_m)
+            str(h): viewpoint.Sliced(
+                h, viewpoint.slice_means(units(v.depth_m), 0.002, settings.slices, settings.sensor_range_m)
+            )
             for h, v in views.items()
         }
         choice = viewpoint.choose_view(means, settings, d_max, np.random.default_rng(0))
         d_max = choice.d_max_next_m
         others = [views[h] for h in HEADINGS if h != choice.heading_deg]
-        points = safe_distance.safe_distances(views[choice.heading_deg], others, safe_distance.Settings())
+        points = safe_distance.safe_distances(views[int(choice.heading_deg)], others, safe_distance.Settings())
         centre = points[2]
         free = centre if centre.corridor.distance_m >= 1.0 else max(points, key=lambda p: p.corridor.distance_m)
         if free.corridor.distance_m < 1.0:
@@ -119,7 +121,7 @@ def fly(
     `absent`: the window is never seen, so that the search ends by itself."""
     rng = np.random.default_rng(len(task.name) + int(1000 * task.shortest_m))
     astray = float(rng.uniform(0, math.tau))
-    camera = pinhole(columns, max(8, columns // 8))
+    camera = pinhole(columns, max(8, columns // 8), 90.0)
     pose, flown = task.start, 0.0
     spent: list[float] = []
     covered, over, found, collided = 0.0, False, False, False

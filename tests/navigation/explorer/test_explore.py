@@ -17,7 +17,7 @@ from tests.navigation.scene_worlds import from_scene
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
 HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
-CAMERA = pinhole(160, 24)
+CAMERA = pinhole(160, 24, 90.0)
 
 
 def _views(pose: Pose = HERE, world: World = HOUSE) -> tuple[DepthView, ...]:
@@ -122,6 +122,7 @@ def test_without_room_for_the_body_it_does_not_fly() -> None:
 
 def test_views_that_are_all_invalid_do_not_break_a_search_under_way() -> None:
     memory = explore(None, _views(), HERE, Settings()).memory
-    blind = tuple(DepthView(h, np.full((24, 160), np.nan, np.float32)) for h in (-90, 0, 90))
+    unseen = np.full((24, 160), np.nan, np.float32)
+    blind = tuple(DepthView(CAMERA._replace(heading_deg=h), unseen) for h in (-90, 0, 90))
     step = explore(memory, blind, HERE, Settings())
     assert step.decision.status in ("move", "turn", "done")

@@ -44,7 +44,7 @@ def client() -> Iterator[httpx.Client]:
 
 
 def _question(pose: Pose = START, world: World = HOUSE, **more: object) -> ExploreQuestion:
-    seen = world.views(camera.Pose(pose.x, pose.y, pose.z, pose.yaw), camera.pinhole(120, 24))
+    seen = world.views(camera.Pose(pose.x, pose.y, pose.z, pose.yaw), camera.pinhole(120, 24, 90.0))
     views = tuple(ViewDepth(heading_deg=h, depth=encode_depth(v.depth_m)) for h, v in seen.items())
     return ExploreQuestion(views=views, pose=pose, **more)
 
