@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -31,6 +32,7 @@ from evaluation.task_set.absent import without_objects
 from evaluation.task_set.generate import CannotGenerate
 from evaluation.task_set.task import Task
 from evaluation.task_set.task_files import BadTasks, TaskSet, load
+from service_kit.settings import process_environment
 
 MAX_WORKERS = 64
 _PACKAGES = ("logisticsvln", "numpy", "opencv-python-headless", "moderngl", "pybullet", "pydantic", "aiohttp")
@@ -121,7 +123,7 @@ def bench(
         stop("interrupted before the first flight", INTERRUPTED)
     mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
     gateway = _gateway(mode, recording, settings.oracle)
-    some, cores = _first(chosen, settings.count), one_core_each(os.environ)
+    some, cores = _first(chosen, settings.count), one_core_each(process_environment())
     if subtask is not None:
         ask_alone(subtask, some, settings, cores, gateway, console, out, as_json=as_json)
         return
@@ -194,7 +196,7 @@ def _gateway(mode: str, recording: Path | None, noise: dict[str, float]) -> dict
     return settings | {f"ORACLE_{name.upper()}": f"{value:g}" for name, value in noise.items()}
 
 
-def one_core_each(environment: os._Environ[str] | dict[str, str]) -> dict[str, str]:
+def one_core_each(environment: Mapping[str, str]) -> dict[str, str]:
     """Workers share the machine by processes, not by threads: each renderer and each numerical library keeps to one
     core, unless the environment says otherwise."""
     names = ("LP_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")

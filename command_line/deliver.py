@@ -22,12 +22,13 @@ from launcher.processes import (
     Processes,
     free_ports,
     oracle_settings,
-    own_environment,
     parse_addresses,
 )
 from mission.clients import Services
 from orchestrator.delivery import BadDelivery, Order, Run
 from service_kit.addresses import FLIGHT_SERVICES, Addresses
+from service_kit.connections import Connections, Tokens
+from service_kit.settings import BadSetting, process_environment
 
 MAX_SCENE_BYTES = 4 * 1024 * 1024
 
@@ -74,13 +75,14 @@ def deliver(
         )
         order = Order(question)
         at = parse_addresses(services) if services else None
+        tokens = Connections.read(process_environment()).tokens
     except ValidationError as error:
         stop(first_problem(error), WRONG_INPUT)
-    except (BadDelivery, ValueError) as error:
+    except (BadDelivery, BadSetting, ValueError) as error:
         stop(str(error), WRONG_INPUT)
     console = Console(stderr=as_json)
     try:
-        run, result = asyncio.run(interruptible(_deliver(order, out, backend, at, console, live=not as_json)))
+        run, result = asyncio.run(interruptible(_deliver(order, out, backend, at, tokens, console, live=not as_json)))
     except CannotStart as error:
         stop(f"the services could not be started: {error}", FAILED)
     except OSError as error:
@@ -99,7 +101,7 @@ def deliver(
 
 
 async def _deliver(
-    order: Order, out: Path, backend: str, at: Addresses | None, console: Console, *, live: bool
+    order: Order, out: Path, backend: str, at: Addresses | None, tokens: Tokens, console: Console, *, live: bool
 ) -> tuple[Run, DeliveryResult]:
     """Starts what is needed, flies, stops what was started. Cancelling it ends the flight, not the record."""
     async with contextlib.AsyncExitStack() as stack:
@@ -111,9 +113,9 @@ async def _deliver(
             view.note("starting the services")
             extra = oracle_settings(ports) if backend == "oracle" else {}
             logs = out / "logs" / time.strftime("%Y%m%d-%H%M%S")
-            own = Processes(ports, logs, environment=own_environment(), extra=extra)
+            own = Processes(ports, logs, environment=process_environment(), extra=extra)
             at = (await stack.enter_async_context(own)).addresses
-        clients = await stack.enter_async_context(Services(at, gateway_token=own_environment().get("GATEWAY_TOKEN")))
+        clients = await stack.enter_async_context(Services(at, tokens))
         run = Run(order, out, listener=view.show)
         return run, await run.fly(clients.ports())
 

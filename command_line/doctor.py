@@ -19,9 +19,10 @@ from rich.table import Table
 from rich.text import Text
 
 from command_line.console import FAILED, INTERRUPTED, interruptible, stop
-from launcher.processes import CannotStart, Processes, free_ports, is_free, own_environment
+from launcher.processes import CannotStart, Processes, free_ports, is_free
 from orchestrator import sample_library
 from service_kit.addresses import PORTS
+from service_kit.settings import process_environment
 
 ENOUGH_DISK_BYTES = 1 << 30
 CALIBRATION = "services.vlm_gateway.calibration"
@@ -54,7 +55,7 @@ def doctor(
             stop(f"the gateway could not be started: {error}", FAILED)
         except asyncio.CancelledError:
             stop("interrupted before the last picture", INTERRUPTED)
-    findings = examine(own_environment(), out)
+    findings = examine(process_environment(), out)
     if as_json:
         typer.echo(json.dumps({"ok": all(f.ok for f in findings), "findings": [f._asdict() for f in findings]}))
     else:
@@ -194,7 +195,7 @@ def print_findings(console: Console, findings: list[Finding]) -> None:
 async def calibrate(model: str, gateway: str | None, rounds: int, logs: Path, *, as_json: bool) -> int:
     """The exit status of the gateway's own calibration, run before the `gateway` at that address, or before one that is
     started for it with this process's environment (its GATEWAY_CONFIG). Raises CannotStart."""
-    environment = own_environment()
+    environment = process_environment()
     async with contextlib.AsyncExitStack() as stack:
         if gateway is None:
             # answers of an earlier calibration would tell nothing about the model as it is now

@@ -28,10 +28,12 @@ from evaluation.model_evaluation.pictures import render
 from evaluation.model_evaluation.scores import Scores, score
 from evaluation.report.runs import Run, load_runs
 from evaluation.sim_client import SimulatorFault, own_simulator
-from launcher.processes import CannotStart, Processes, free_ports, own_environment
+from launcher.processes import CannotStart, Processes, free_ports
 from mission.clients import Services
 from mission.ports import PortError
 from mission.record import write_whole
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
 
 PICTURES = Path("~/.cache/logisticsvln/evaluation")
 ABOUT = "about.json"
@@ -155,16 +157,16 @@ def _cases(seeds: Sequence[int], folder: Path, console: Console) -> dict[int, Ca
 async def _asked(cases: Sequence[Case], folder: Path, backend: str, console: Console) -> tuple[Answers, dict[str, Any]]:
     catalogue = Catalogue.model_validate_json((folder / CATALOGUE_FILE).read_bytes())
     ports = free_ports(("vlm_gateway",))
-    environment = own_environment()
+    environment = process_environment()
     with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs:
         extra = {"vlm_gateway": {"CACHE_MODE": "off"}}
         async with Processes(ports, Path(logs), environment=environment, extra=extra) as group:
-            token = environment.get("GATEWAY_TOKEN")
-            async with Services(group.addresses, gateway_token=token) as services:
+            tokens = Connections.read(environment).tokens
+            async with Services(group.addresses, tokens) as services:
                 asker = Asker(services.ports().vision, folder, catalogue, backend)
                 with _bar(console, f"asking {backend}", len(cases)) as advance:
                     answers = await asker.ask(cases, lambda _: advance())
-            return answers, await asyncio.to_thread(_about, group.addresses.vlm_gateway, backend, token)
+            return answers, await asyncio.to_thread(_about, group.addresses.vlm_gateway, backend, tokens.vlm_gateway)
 
 
 def _about(url: str, backend: str, token: str | None) -> dict[str, Any]:

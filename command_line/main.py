@@ -16,8 +16,8 @@ from command_line.doctor import doctor
 from command_line.evaluate import evaluate
 from command_line.report import compare, report
 from command_line.serve import serve
-from launcher.processes import own_environment
 from orchestrator import sample_library
+from service_kit.settings import process_environment
 
 app = typer.Typer(
     name="logisticsvln",
@@ -40,7 +40,7 @@ def recording(
 ) -> None:
     """Put the gateway's recorded answers (CACHE_PATH or REDIS_URL) into one file, or take them out of one."""
     command = [sys.executable, "-m", "services.vlm_gateway.recording", action, str(file)]
-    raise typer.Exit(subprocess.run(command, env=own_environment(), check=False).returncode)
+    raise typer.Exit(subprocess.run(command, env=process_environment(), check=False).returncode)
 
 
 @app.command()

@@ -12,8 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
-from launcher.processes import MODULES, CannotStart, Processes, oracle_settings, own_environment
+from launcher.processes import MODULES, CannotStart, Processes, oracle_settings
 from service_kit.addresses import PORTS
+from service_kit.settings import process_environment
 
 
 def serve(
@@ -29,7 +30,7 @@ def serve(
     chosen = ports if service is None else {service: ports[service]}
     extra = oracle_settings(ports) if oracle else {}
     folder = logs / time.strftime("%Y%m%d-%H%M%S")
-    group = Processes(chosen, folder, environment=own_environment(), extra=extra)
+    group = Processes(chosen, folder, environment=process_environment(), extra=extra)
     try:
         asyncio.run(interruptible(_serve(group, chosen, folder)))
     except CannotStart as error:

@@ -28,6 +28,8 @@ from contracts.sim import (
     TruthQuestion,
     Verdict,
 )
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
 
 M = TypeVar("M", bound=BaseModel)
 _TIMEOUT_S = 120.0
@@ -40,8 +42,11 @@ class SimulatorFault(RuntimeError):
 class SimClient:
     """One simulator at `url`, e.g. `http://127.0.0.1:8104`. Every call raises SimulatorFault."""
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, token: str | None = None) -> None:
         self.url = url.rstrip("/")
+        self._headers = {"Content-Type": "application/json"}
+        if token:
+            self._headers["Authorization"] = f"Bearer {token}"
 
     def catalogue(self) -> Catalogue:
         return self._call("GET", "/v1/catalogue", None, Catalogue)
@@ -71,9 +76,7 @@ class SimClient:
 
     def _send(self, method: str, path: str, question: BaseModel | None) -> bytes:
         data = None if question is None else question.model_dump_json().encode()
-        request = urllib.request.Request(
-            self.url + path, data=data, method=method, headers={"Content-Type": "application/json"}
-        )
+        request = urllib.request.Request(self.url + path, data=data, method=method, headers=self._headers)
         try:
             with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as response:
                 return bytes(response.read())
@@ -86,13 +89,16 @@ class SimClient:
 
 @contextmanager
 def own_simulator(start_s: float = 60.0) -> Iterator[SimClient]:
-    """A simulator of one's own on a free port, ended with the block, or with this process. Raises SimulatorFault."""
+    """A simulator of one's own on a free port, ended with the block, or with this process. Raises SimulatorFault, and
+    BadSetting where the environment's token can't be read."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = int(probe.getsockname()[1])
     own = {"PORT": str(port), "HOST": "127.0.0.1", "SIM_TRUTH": "on", "PARENT_PID": str(os.getpid())}
-    process = subprocess.Popen([sys.executable, "-m", "services.sim"], env=os.environ | own)
-    client = SimClient(f"http://127.0.0.1:{port}")
+    environment = process_environment()
+    token = Connections.read(environment).tokens.sim
+    process = subprocess.Popen([sys.executable, "-m", "services.sim"], env=environment | own)
+    client = SimClient(f"http://127.0.0.1:{port}", token)
     try:
         until = time.monotonic() + start_s
         while True:

@@ -129,7 +129,6 @@ class Processes:
             "PORT": str(port),
             # a process that is killed takes its services along
             "PARENT_PID": str(os.getpid()),
-            "GATEWAY_URL": at.vlm_gateway,
             "LLM_PARSER_URL": at.llm_parser,
             "VLM_GATEWAY_URL": at.vlm_gateway,
             "DEPTH_ASSIST_URL": at.depth_assist,
@@ -151,7 +150,7 @@ class Processes:
 
     async def _ready(self, child: Child) -> None:
         give_up = time.monotonic() + READY_DEADLINE_S
-        async with ServiceClient(child.name, child.url, token=self._token(child.name)) as client:
+        async with ServiceClient(child.name, child.url) as client:
             problem: str | None = "not asked yet"
             while problem is not None:
                 if child.process.poll() is not None:
@@ -163,9 +162,6 @@ class Processes:
                 problem = await client.ready()
                 if problem is not None:
                     await asyncio.sleep(0.05)
-
-    def _token(self, name: str) -> str | None:
-        return self._environment.get("GATEWAY_TOKEN") if name == "vlm_gateway" else None
 
 
 def oracle_settings(ports: Mapping[str, int]) -> dict[str, dict[str, str]]:
@@ -209,8 +205,3 @@ def parse_addresses(text: str) -> Addresses:
             )
         found[name] = url
     return Addresses(**found)
-
-
-def own_environment() -> dict[str, str]:
-    """This process's environment, for its children."""
-    return dict(os.environ)

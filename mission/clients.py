@@ -32,6 +32,7 @@ from contracts.vlm_gateway import (
 from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
 from service_kit.addresses import Addresses
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
+from service_kit.connections import NO_TOKENS, Tokens
 
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
@@ -122,11 +123,17 @@ class HttpWorld:
 class Services:
     """The HTTP clients of all four services. Use as an async context manager."""
 
-    def __init__(self, at: Addresses, *, gateway_token: str | None = None) -> None:
-        self.llm_parser = ServiceClient("llm_parser", at.llm_parser, timeout_s=MODEL_DEADLINE_S)
-        self.vlm_gateway = ServiceClient("vlm_gateway", at.vlm_gateway, timeout_s=MODEL_DEADLINE_S, token=gateway_token)
-        self.depth_assist = ServiceClient("depth_assist", at.depth_assist, timeout_s=DEPTH_DEADLINE_S)
-        self.sim = ServiceClient("sim", at.sim, timeout_s=WORLD_DEADLINE_S)
+    def __init__(self, at: Addresses, tokens: Tokens = NO_TOKENS) -> None:
+        self.llm_parser = ServiceClient(
+            "llm_parser", at.llm_parser, timeout_s=MODEL_DEADLINE_S, token=tokens.llm_parser
+        )
+        self.vlm_gateway = ServiceClient(
+            "vlm_gateway", at.vlm_gateway, timeout_s=MODEL_DEADLINE_S, token=tokens.vlm_gateway
+        )
+        self.depth_assist = ServiceClient(
+            "depth_assist", at.depth_assist, timeout_s=DEPTH_DEADLINE_S, token=tokens.depth_assist
+        )
+        self.sim = ServiceClient("sim", at.sim, timeout_s=WORLD_DEADLINE_S, token=tokens.sim)
 
     @property
     def all(self) -> tuple[ServiceClient, ...]:

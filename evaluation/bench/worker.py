@@ -25,12 +25,14 @@ from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
 from evaluation.task_set.task import Task
-from launcher.processes import CannotStart, Child, Processes, free_ports, own_environment
+from launcher.processes import CannotStart, Child, Processes, free_ports
 from mission.clients import Services
 from mission.mission import Mission
 from mission.ports import PortError, Ports, World
 from mission.record import Log, Pictures, Record, now
 from service_kit.addresses import FLIGHT_SERVICES
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
 
 END_S = 20.0
 DYING_S = 2.0
@@ -158,7 +160,7 @@ class Worker:
         gateway = {"ORACLE_SIM_URL": f"http://127.0.0.1:{ports['sim']}"} if job.backend == "oracle" else {}
         sim = {"SIM_TRUTH": "on"} if job.backend == "oracle" else {}
         self._starts += 1
-        environment = own_environment() | job.environment
+        environment = process_environment() | job.environment
         group = Processes(
             ports,
             Path(job.logs) / str(self._starts),
@@ -169,7 +171,7 @@ class Worker:
         self._group = group
         group.start()
         await group.ready()
-        self._services = Services(group.addresses, gateway_token=environment.get("GATEWAY_TOKEN"))
+        self._services = Services(group.addresses, Connections.read(environment).tokens)
 
     async def stop(self) -> None:
         services, group = self._services, self._group

@@ -14,6 +14,8 @@ from contracts.sim import Catalogue
 from evaluation.scene_generator.sample_plans import SAMPLE_PLANS, SamplePlan
 from evaluation.scene_generator.scenes import build_scene, scene_difficulty
 from evaluation.sim_client import SimClient, own_simulator
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
 
 SAMPLES = Path(__file__).resolve().parents[2] / "orchestrator" / "samples"
 
@@ -51,7 +53,7 @@ def main(arguments: list[str]) -> int:
     if chosen.catalogue:
         catalogue = Catalogue.model_validate_json(chosen.catalogue.read_text(encoding="utf-8"))
     elif chosen.sim:
-        catalogue = SimClient(chosen.sim).catalogue()
+        catalogue = SimClient(chosen.sim, Connections.read(process_environment()).tokens.sim).catalogue()
     else:
         with own_simulator() as simulator:
             catalogue = simulator.catalogue()

@@ -14,9 +14,11 @@ from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.subtasks.figures import Subtask
 from evaluation.subtasks.run import Asked, Examiner, Plan
 from evaluation.task_set.task import Task
-from launcher.processes import Processes, free_ports, own_environment
+from launcher.processes import Processes, free_ports
 from mission.clients import Services
 from mission.ports import PortError
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
 
 NEEDS: dict[Subtask, tuple[str, ...]] = {
     "floors": ("sim", "vlm_gateway"),
@@ -59,14 +61,15 @@ class Worker:
         extra = {"sim": {"SIM_TRUTH": "on"}, "vlm_gateway": dict(job.gateway)}
         if job.plan.backend == "oracle" and "sim" in ports:
             extra["vlm_gateway"]["ORACLE_SIM_URL"] = f"http://127.0.0.1:{ports['sim']}"
-        environment = own_environment() | job.environment
+        environment = process_environment() | job.environment
         # remembered before it is ready, so that whatever interrupts the start stops it
         self._group = Processes(ports, Path(job.logs), environment=environment, extra=extra)
         self._group.start()
         await self._group.ready()
         addresses = self._group.addresses
-        self._services = Services(addresses, gateway_token=environment.get("GATEWAY_TOKEN"))
-        simulator = SimClient(addresses.sim) if "sim" in ports else None
+        tokens = Connections.read(environment).tokens
+        self._services = Services(addresses, tokens)
+        simulator = SimClient(addresses.sim, tokens.sim) if "sim" in ports else None
         self._examiner = Examiner(job.plan, self._services.ports(), simulator)
 
     async def answer(self, line: bytes, gone: asyncio.Event) -> Asked | None:

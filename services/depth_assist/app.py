@@ -31,11 +31,10 @@ from service_kit.errors import BadQuestion
 from service_kit.json_route import JsonRoute
 from services.depth_assist.explorer import next_step
 
-MAX_BODY_BYTES = 64 * 1024 * 1024
 MAX_VIEW_PIXELS = 1600 * 1600
 
 
-def build_app(*, token: str | None = None, max_body_bytes: int = MAX_BODY_BYTES) -> FastAPI:
+def build_app(*, max_body_bytes: int, token: str | None = None) -> FastAPI:
     """The service. It needs nothing else, so it is ready as soon as it answers."""
     app = create_app("depth_assist", max_body_bytes=max_body_bytes, token=token)
     app.router.route_class = JsonRoute

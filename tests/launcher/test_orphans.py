@@ -17,8 +17,9 @@ with own_simulator():
 """
 SERVICES = """
 import asyncio, pathlib, sys, time
-from launcher.processes import Processes, free_ports, own_environment
-group = Processes(free_ports(["depth_assist"]), pathlib.Path(sys.argv[1]), environment=own_environment())
+from launcher.processes import Processes, free_ports
+from service_kit.settings import process_environment
+group = Processes(free_ports(["depth_assist"]), pathlib.Path(sys.argv[1]), environment=process_environment())
 group.start()
 asyncio.run(group.ready())
 print("ready", flush=True)

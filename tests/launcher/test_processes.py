@@ -6,19 +6,20 @@ from pathlib import Path
 
 import pytest
 
-from launcher.processes import CannotStart, Processes, free_ports, is_free, own_environment, parse_addresses
+from launcher.processes import CannotStart, Processes, free_ports, is_free, parse_addresses
+from service_kit.settings import process_environment
 
 
 def test_a_service_that_ends_while_starting_is_reported_with_its_last_words(tmp_path: Path) -> None:
     ports = free_ports(["depth_assist"])
-    environment = own_environment() | {"MAX_BODY_BYTES": "many"}
+    environment = process_environment() | {"DEPTH_ASSIST_MAX_BODY_BYTES": "many"}
     group = Processes(ports, tmp_path / "logs", environment=environment)
 
     async def start() -> None:
         async with group:
             pass
 
-    with pytest.raises(CannotStart, match="MAX_BODY_BYTES"):
+    with pytest.raises(CannotStart, match="DEPTH_ASSIST_MAX_BODY_BYTES"):
         asyncio.run(start())
     assert group.children[0].process.returncode != 0
 
@@ -29,7 +30,7 @@ def test_a_taken_port_is_named_before_anything_is_started(tmp_path: Path) -> Non
         taken.listen()
         port = taken.getsockname()[1]
         assert not is_free(port)
-        group = Processes({"sim": port}, tmp_path / "logs", environment=own_environment())
+        group = Processes({"sim": port}, tmp_path / "logs", environment=process_environment())
         with pytest.raises(CannotStart, match=str(port)):
             group.start()
     assert not group.children

@@ -106,7 +106,7 @@ def test_what_the_server_does_not_do_about_structure_changes_nothing(
 def test_a_request_is_parsed_or_said_to_be_unreadable(real: Running, gateway: Gateway, tmp_path: Path) -> None:
     url = gateway(config(real, preset="deepseek-r1-distill"))
     port = free_port()
-    settings = {"PORT": str(port), "PARSER_BACKEND": "chat", "GATEWAY_URL": url, "PARSER_MAX_TOKENS": "64"}
+    settings = {"PORT": str(port), "PARSER_BACKEND": "chat", "VLM_GATEWAY_URL": url, "PARSER_MAX_TOKENS": "64"}
     command = [sys.executable, "-m", "services.llm_parser"]
     at = f"http://127.0.0.1:{port}"
     with process(command, at + "/healthz", tmp_path / "parser.log", **settings):

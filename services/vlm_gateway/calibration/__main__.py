@@ -1,18 +1,18 @@
 """`python -m services.vlm_gateway.calibration MODEL --gateway URL`: the calibration as a command.
 
-`GATEWAY_TOKEN` is the key for the gateway. Ends with 0 where the convention is sure or likely, with 1 where it is not
-or the model can't be asked, with 2 for a wrong input.
+`GATEWAY_TOKEN` or `GATEWAY_TOKEN_FILE` is the key for the gateway. Ends with 0 where the convention is sure or likely,
+with 1 where it is not or the model can't be asked, with 2 for a wrong input.
 """
 
 import argparse
 import asyncio
 import json
-import os
 import sys
 from collections.abc import Mapping, Sequence
 
 from service_kit.client import CallError, Refused, ServiceClient
-from service_kit.settings import BadSetting, Settings
+from service_kit.connections import Connections
+from service_kit.settings import BadSetting, process_environment
 from services.vlm_gateway.calibration.ask import Calibration, advice, calibrate, in_words
 from services.vlm_gateway.calibration.fit import Convention
 
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
         pictures = "one picture" if chosen.rounds == 1 else f"{chosen.rounds} pictures"
         sys.stdout.write(f"showing {chosen.model} {pictures} of six shapes\n")
     try:
-        token = Settings(environment).text("GATEWAY_TOKEN")
+        token = Connections.read(environment).tokens.vlm_gateway
         found = asyncio.run(_calibrate(chosen.model, chosen.gateway, chosen.rounds, token))
     except BadSetting as error:
         return _failed(str(error), 2)
@@ -74,4 +74,4 @@ def _failed(message: str, status: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:], os.environ))
+    sys.exit(main(sys.argv[1:], process_environment()))

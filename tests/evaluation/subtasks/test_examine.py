@@ -14,10 +14,11 @@ from evaluation.subtasks.figures import Subtask
 from evaluation.subtasks.run import Examiner, Plan, scored
 from evaluation.task_set.shortest import goal_slot
 from evaluation.task_set.task import Task
-from launcher.processes import FLIGHT_SERVICES, Processes, free_ports, oracle_settings, own_environment
+from launcher.processes import FLIGHT_SERVICES, Processes, free_ports, oracle_settings
 from mission.clients import Services
 from mission.ports import ModelUnreachable
 from orchestrator import sample_library
+from service_kit.settings import process_environment
 from tests.evaluation.evaluation_kit import a_task
 from tests.mission.box_world import BlockWorld, block_ports
 
@@ -69,7 +70,7 @@ async def test_a_model_that_cannot_be_reached_counts_as_wrong_and_is_told_apart(
 async def asked(logs: Path, services: tuple[str, ...], subtasks: dict[Subtask, str]) -> None:
     """The oracle, asked over processes of its own, gets the rate that is named for each subtask right throughout."""
     ports = free_ports(services)
-    group = Processes(ports, logs, environment=own_environment(), extra=oracle_settings(ports))
+    group = Processes(ports, logs, environment=process_environment(), extra=oracle_settings(ports))
     async with group, Services(group.addresses) as clients:
         plan = Plan("oracle", stops=2, size=400)
         examiner = Examiner(plan, clients.ports(), SimClient(group.addresses.sim))
