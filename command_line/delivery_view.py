@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -10,7 +11,22 @@ from rich.table import Table
 from rich.text import Text
 
 from command_line.console import Printed, Redrawn
-from contracts.orchestrator import DeliveryResult, Event
+from contracts.events import (
+    BuildingBoxEvent,
+    DirectionEvent,
+    Event,
+    FloorCountEvent,
+    LookEvent,
+    MoveEvent,
+    ParsedEvent,
+    PhaseEvent,
+    PlacedEvent,
+    ResultEvent,
+    StandOffEvent,
+    TurnEvent,
+)
+from contracts.geometry import Pose
+from contracts.orchestrator import DeliveryResult
 from mission.wording import counted
 
 PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
@@ -59,7 +75,7 @@ class LiveView(Redrawn):
 
     def show(self, event: Event) -> None:
         self._note = ""
-        if event.kind == "phase":
+        if isinstance(event, PhaseEvent):
             if event.phase not in self._reached:
                 self._reached.append(event.phase)
         else:
@@ -67,24 +83,20 @@ class LiveView(Redrawn):
         self._learn(event)
 
     def _learn(self, event: Event) -> None:
-        data = event.data
-        answer, seconds = data.get("answer"), data.get("seconds")
-        if isinstance(answer, dict) and "outcome" in answer:
-            role = str(answer.get("role") or "parser")
-            calls, hits, spent = self._asked.get(role, (0, 0, 0.0))
-            took = float(seconds if seconds is not None else answer.get("latency_s") or 0.0)
-            self._asked[role] = (calls + 1, hits + int(answer.get("cache") == "hit"), spent + took)
-        if event.kind == "parsed":
+        call, pose = _model_call(event), _pose(event)
+        if call is not None:
+            calls, hits, spent = self._asked.get(call.role, (0, 0, 0.0))
+            self._asked[call.role] = (calls + 1, hits + int(call.cached), spent + call.seconds)
+        if isinstance(event, ParsedEvent):
             self._facts["wanted"] = event.message
-        pose = data.get("to") or data.get("pose")
-        if isinstance(pose, dict):
-            self._facts["drone"] = f"x {pose['x']:.1f}  y {pose['y']:.1f}  height {pose['z']:.1f} m"
-        if event.kind == "look" and event.phase == "explore":
-            self._facts["exploration step"] = str(data.get("exploration_step"))
+        if pose is not None:
+            self._facts["drone"] = f"x {pose.x:.1f}  y {pose.y:.1f}  height {pose.z:.1f} m"
+        if isinstance(event, LookEvent) and event.phase == "explore":
+            self._facts["exploration step"] = str(event.data.exploration_step)
 
     def _picture(self) -> RenderableType:
         bar = Text()
-        over = bool(self._events) and self._events[-1].kind == "result"
+        over = bool(self._events) and isinstance(self._events[-1], ResultEvent)
         now = self._reached[-1] if self._reached and not over else ""
         for phase in PHASES:
             mark, style = ("▶ ", "bold yellow") if phase == now else ("✔ ", "green")
@@ -109,6 +121,39 @@ class LiveView(Redrawn):
         title = Text(f"“{self._request}”", "bold", overflow="fold")
         body = Group(title, Text(), bar, Text(), lines, Text(), figures)
         return Panel(body, title=f"LogisticsVLN · {self._backend}", border_style="blue", padding=(1, 2))
+
+
+class ModelCall(NamedTuple):
+    """A question to a model, as an event tells of it."""
+
+    role: str
+    seconds: float
+    cached: bool
+
+
+def _model_call(event: Event) -> ModelCall | None:
+    match event:
+        case ParsedEvent():
+            return ModelCall("parser", event.data.seconds, cached=False)
+        case FloorCountEvent() | BuildingBoxEvent() | LookEvent() | DirectionEvent():
+            answer, seconds = event.data.answer, event.data.seconds
+            if answer is None:
+                return None
+            spent = seconds if seconds is not None else answer.latency_s
+            return ModelCall(answer.role, spent, cached=answer.cache == "hit")
+        case _:
+            return None
+
+
+def _pose(event: Event) -> Pose | None:
+    """Where the drone was measured to be."""
+    match event:
+        case MoveEvent() | TurnEvent():
+            return event.data.to
+        case PlacedEvent() | StandOffEvent() | FloorCountEvent() | BuildingBoxEvent() | LookEvent():
+            return event.data.pose
+        case _:
+            return None
 
 
 def print_result(console: Console, result: DeliveryResult, folder: str) -> None:

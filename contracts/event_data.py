@@ -78,6 +78,10 @@ class FloorNotFoundDecision(Wire):
     best_guess_m: float | None
 
 
+FloorDecision: TypeAlias = BandDecision | FinalHeightDecision | FloorNotFoundDecision
+FloorDecisionName = Literal["Climb", "FinalHeight", "Recount", "FloorNotFound"]
+
+
 class FloorCountData(Wire):
     """One floor count and what eq. 3 makes of it. `band` is null for a picture of the whole building. `floors_new`: the
     floors that are new in this band, after the answer was held against the rows of windows; null without a readable
@@ -86,11 +90,11 @@ class FloorCountData(Wire):
     pose: Pose
     band: FacadeBand | None
     facade_top_m: float | None
-    floors_new: float | None
+    floors_new: int | None
     floors_wanted: int | None
     answer: FloorCountAnswer
-    decision: Literal["Climb", "FinalHeight", "Recount", "FloorNotFound"]
-    detail: BandDecision | FinalHeightDecision | FloorNotFoundDecision
+    decision: FloorDecisionName
+    detail: FloorDecision
     seconds: Seconds
 
 

@@ -1,6 +1,6 @@
 """orchestrator: deliveries, their settings, their events, their results."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -140,19 +140,6 @@ class Delivery(Wire):
 
 class DeliveryList(Wire):
     deliveries: tuple[Delivery, ...]
-
-
-class Event(Wire):
-    """One line of a delivery's record, and one server-sent event. `number` counts from 1 without gaps; `kind` says
-    what `data` holds; `pictures` are file names in the record's `pictures` folder."""
-
-    number: int
-    time_s: float
-    phase: Phase
-    kind: str
-    message: str
-    data: dict[str, Any] = {}
-    pictures: tuple[str, ...] = ()
 
 
 class Sample(Wire):

@@ -8,6 +8,7 @@ import logging
 import time
 from collections.abc import Awaitable
 
+from contracts.event_data import ParsedData, PlacedData
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from contracts.sim import Claim, EpisodeQuestion, Verdict
@@ -59,9 +60,8 @@ class Mission:
         sortie.floor, sortie.object = answer.floor, answer.object
         found = f"floor {answer.floor or '?'}, {answer.object or 'no object'}"
         sortie.write(
-            "parsed",
             found if isinstance(reply, Answered) else f"the parser's answer was {answer.outcome}",
-            {"request": request, "answer": answer.model_dump(mode="json"), "seconds": round(reply.seconds, 4)},
+            ParsedData(request=request, answer=answer, seconds=round(reply.seconds, 4)),
         )
         if not isinstance(reply, Answered):
             raise MissionEnd("request_unreadable", f"the language model's answer to the request was {answer.outcome}")
@@ -76,15 +76,14 @@ class Mission:
         sortie.episode = await sortie.timed("place", sortie.ports.world.start(start))
         episode = sortie.episode
         sortie.write(
-            "placed",
             f"the drone stands at {spoken(episode.pose)}; pictures by {episode.renderer}",
-            {
-                "episode": episode.id,
-                "pose": episode.pose.model_dump(),
-                "renderer": episode.renderer,
-                "renderer_detail": episode.renderer_detail,
-                "flight": episode.flight.model_dump(),
-            },
+            PlacedData(
+                episode=episode.id,
+                pose=episode.pose,
+                renderer=episode.renderer,
+                renderer_detail=episode.renderer_detail,
+                flight=episode.flight,
+            ),
         )
 
     async def _search(self) -> None:
@@ -105,7 +104,7 @@ class Mission:
                     "claim", sortie.ports.world.claim(sortie.flown.id, Claim(target=end.place))
                 )
                 sortie.episode = self._verdict.episode
-                sortie.write("verdict", _spoken_verdict(self._verdict), self._verdict.model_dump(mode="json"))
+                sortie.write(_spoken_verdict(self._verdict), self._verdict)
                 return
             last, leaving = end, found.look if end.blocked else None
             if not end.blocked:

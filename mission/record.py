@@ -2,7 +2,7 @@
 
 question.json    what was asked for, with every setting and the scene
 delivery.json    id, time, request
-events.jsonl     one contracts.orchestrator.Event a line, flushed as it happens
+events.jsonl     one of contracts.events a line, flushed as it happens
 pictures/        the JPEG of each view, marked pictures, named by the events
 result.json      written last, in one piece: a folder without it is a delivery that was cut off
 summary.png      one picture for people
@@ -14,11 +14,13 @@ import time
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from pydantic import ValidationError
 
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, Phase
+from contracts.event_data import EventData
+from contracts.events import Event, KnownEvent, new_event, read_event
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Phase
 
 PICTURE_NAME = re.compile(r"[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg")
 DELIVERY_ID = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{6}")
@@ -31,14 +33,7 @@ Pictures = Callable[[], Mapping[str, bytes]]
 class Log(Protocol):
     """Where a mission writes what happens."""
 
-    def write(
-        self,
-        phase: Phase,
-        kind: str,
-        message: str,
-        data: Mapping[str, Any] | None = None,
-        pictures: Pictures | None = None,
-    ) -> None:
+    def write(self, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """One event, with its pictures."""
         ...
 
@@ -52,7 +47,7 @@ class Record:
         delivery: Delivery,
         question: DeliveryQuestion,
         *,
-        listener: Callable[[Event], None] | None = None,
+        listener: Callable[[KnownEvent], None] | None = None,
     ) -> None:
         self.folder = folder
         self.delivery = delivery
@@ -64,29 +59,15 @@ class Record:
         write_whole(folder / "delivery.json", delivery.model_dump_json(indent=1))
         self._events = (folder / "events.jsonl").open("x", encoding="utf-8")
 
-    def write(
-        self,
-        phase: Phase,
-        kind: str,
-        message: str,
-        data: Mapping[str, Any] | None = None,
-        pictures: Pictures | None = None,
-    ) -> None:
+    def write(self, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         self._number += 1
         names = []
         for short, jpeg in (pictures() if pictures is not None else {}).items():
             name = f"{self._number:04d}_{short}.jpg"
             (self.folder / "pictures" / name).write_bytes(jpeg)
             names.append(name)
-        event = Event(
-            number=self._number,
-            time_s=round(time.monotonic() - self._started, 3),
-            phase=phase,
-            kind=kind,
-            message=message,
-            data=dict(data or {}),
-            pictures=tuple(names),
-        )
+        time_s = round(time.monotonic() - self._started, 3)
+        event = new_event(data, number=self._number, time_s=time_s, phase=phase, message=message, pictures=names)
         self._events.write(event.model_dump_json() + "\n")
         self._events.flush()
         if self._listener is not None:
@@ -98,7 +79,7 @@ class Record:
 
     def announce(self, result: DeliveryResult) -> None:
         """Writes the last event, after everything else is in the folder, and closes the record."""
-        self.write("done", "result", f"{result.outcome}: {result.message}", result.model_dump(mode="json"))
+        self.write("done", f"{result.outcome}: {result.message}", result)
         os.fsync(self._events.fileno())
         self.close()
 
@@ -134,7 +115,7 @@ def read_events(folder: Path) -> list[Event]:
         return events
     for line in lines:
         try:
-            events.append(Event.model_validate_json(line))
+            events.append(read_event(line))
         except ValidationError:
             break
     return events

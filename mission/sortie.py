@@ -2,15 +2,16 @@
 
 import math
 import time
-from collections.abc import Awaitable, Mapping, Sequence
+from collections.abc import Awaitable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contracts.depth_assist import ViewDepth
+from contracts.event_data import EventData, MoveData, NoData, TurnData
 from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point3, Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.orchestrator import MissionSettings, OutcomeName, Phase, Stop
@@ -159,20 +160,14 @@ class Sortie:
             raise RuntimeError("the drone has not been placed yet")
         return self.episode
 
-    def write(
-        self,
-        kind: str,
-        message: str,
-        data: Mapping[str, Any] | None = None,
-        pictures: Pictures | None = None,
-    ) -> None:
+    def write(self, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """One event of the phase under way."""
-        self.log.write(self.phase, kind, message, data, pictures)
+        self.log.write(self.phase, message, data, pictures)
 
     def enter(self, phase: Phase, message: str) -> None:
         """The next phase begins."""
         self.phase = phase
-        self.write("phase", message)
+        self.write(message, NoData())
 
     def count_stop(self) -> None:
         """This stop carries a model query; several queries at the same place are one stop."""
@@ -212,20 +207,20 @@ class Sortie:
         done = await self.timed("move", self.ports.world.move(self.flown.id, self._moves, move))
         self.episode = done.episode
         self.ends.append(done.pose)
+        kind = MoveData if path else TurnData
         self.write(
-            "move" if path else "turn",
             why + ("" if done.reached else f"; stopped early{f' by {done.hit}' if done.hit else ''}"),
-            {
-                "number": done.number,
-                "from": before.model_dump(),
-                "to": done.pose.model_dump(),
-                "path": [p.model_dump() for p in path],
-                "reached": done.reached,
-                "collided": done.collided,
-                "hit": done.hit,
-                "path_m": round(done.path_m, 3),
-                "flight_s": round(done.flight_s, 3),
-            },
+            kind(
+                number=done.number,
+                start=before,
+                to=done.pose,
+                path=tuple(path),
+                reached=done.reached,
+                collided=done.collided,
+                hit=done.hit,
+                path_m=round(done.path_m, 3),
+                flight_s=round(done.flight_s, 3),
+            ),
         )
         if done.collided or done.episode.collided:
             hit = f" with {done.hit}" if done.hit else ""

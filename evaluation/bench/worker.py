@@ -11,13 +11,13 @@ import shutil
 import sys
 import time
 import zlib
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from pydantic import Field
 
 from contracts.base import Name, Wire
+from contracts.event_data import EventData
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
 from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
@@ -69,14 +69,7 @@ class Order(Wire):
 class Unwritten:
     """A log for runs that keep nothing but results."""
 
-    def write(
-        self,
-        phase: Phase,
-        kind: str,
-        message: str,
-        data: Mapping[str, Any] | None = None,
-        pictures: Pictures | None = None,
-    ) -> None:
+    def write(self, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """Forgets it."""
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, get_args
 
-from contracts.orchestrator import Event
+from contracts.events import Event
 from evaluation.metrics.episode import EpisodeRecord, Reason
 from evaluation.metrics.floor_localization import height_error_m
 from evaluation.report.markup import Html, join, number, tag

@@ -12,9 +12,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.geometry import Pose
+from contracts.events import DirectionEvent, Event, FloorCountEvent, LookEvent
 from contracts.images import BadImage, image_header
-from contracts.orchestrator import Event
 from evaluation.metrics.episode import Reason
 from evaluation.metrics.taxonomy import in_plain_view
 from evaluation.task_set.task import Task
@@ -121,18 +120,18 @@ def _read(path: Path, edge_px: int) -> NDArray[np.uint8] | None:
 def evidence(task: Task, reason: Reason, events: Sequence[Event]) -> list[Shown]:
     """The pictures that show why: the floors as counted, the thing that was claimed, the look in which the window was
     in plain view, or the last look and choice; without any of these the last pictures there are."""
-    looks = [e for e in events if e.kind == "look" and e.pictures]
+    looks = [e for e in events if isinstance(e, LookEvent) and e.pictures]
     if reason == "floor":
-        counted = [e for e in events if e.kind == "floor_count" and e.pictures][-4:]
+        counted = [e for e in events if isinstance(e, FloorCountEvent) and e.pictures][-4:]
         shown = [Shown(e.pictures[0], _first(e.message), -k) for k, e in enumerate(counted)]
     elif reason == "wrong_object":
         sighted = [e for e in looks if _named(e, "sighting")][-2:]
         shown = [Shown(_named(e, "sighting") or "", f"claimed: {_first(e.message)}", -k) for k, e in enumerate(sighted)]
     elif reason == "missed_object":
-        plain = [e for e in looks if in_plain_view(task, Pose.model_validate(e.data["pose"]))]
+        plain = [e for e in looks if in_plain_view(task, e.data.pose)]
         shown = [one for look in (plain or looks)[-1:] for one in _views(look, _bearing_deg(task, look))]
     else:
-        choices = [e for e in events if e.kind == "direction" and e.pictures][-1:]
+        choices = [e for e in events if isinstance(e, DirectionEvent) and e.pictures][-1:]
         shown = [one for look in looks[-1:] for one in _views(look, FACADE_SIDE_DEG)]
         shown += [Shown(e.pictures[0], _first(e.message)) for e in choices]
     if not shown:
@@ -150,9 +149,9 @@ def _views(look: Event, towards_deg: float) -> list[Shown]:
     ]
 
 
-def _bearing_deg(task: Task, look: Event) -> float:
+def _bearing_deg(task: Task, look: LookEvent) -> float:
     """The window's bearing from a look, positive to the right of the nose."""
-    pose = Pose.model_validate(look.data["pose"])
+    pose = look.data.pose
     return math.degrees(pose.yaw - math.atan2(task.target.y - pose.y, task.target.x - pose.x))
 
 

@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from contracts.depth_assist import ExploreDrawing
+from contracts.events import ContourEvent, Event
 from contracts.geometry import Pose
-from contracts.orchestrator import DeliveryResult, Event
+from contracts.orchestrator import DeliveryResult
 from contracts.scene import Building, WindowPlace
 from contracts.scene_layout import wall_height_m, window_slot
 from evaluation.metrics.taxonomy import SEARCHING, in_plain_view
@@ -49,7 +49,7 @@ def flight_of(task: Task, result: DeliveryResult | None, events: Sequence[Event]
     stops = tuple(
         (_place(stop.pose), stop.phase in SEARCHING and in_plain_view(task, stop.pose)) for stop in result.stops
     )
-    track = tuple((float(p["x"]), float(p["y"]), float(p["z"])) for p in track_of(events))
+    track = tuple((p.x, p.y, p.z) for p in track_of(events))
     if not track and (stops or result.pose is not None):
         track = (
             (start.x, start.y, start.z),
@@ -60,10 +60,10 @@ def flight_of(task: Task, result: DeliveryResult | None, events: Sequence[Event]
 
 
 def _search_map(events: Sequence[Event]) -> SearchMap | None:
-    last = next((event for event in reversed(events) if event.kind == "contour"), None)
+    last = next((event for event in reversed(events) if isinstance(event, ContourEvent)), None)
     if last is None:
         return None
-    drawing = ExploreDrawing.model_validate(last.data["explore"]["drawing"])
+    drawing = last.data.explore.drawing
     return SearchMap(drawing.cell_m, drawing.inspected, drawing.uninspected, drawing.expected, drawing.way)
 
 

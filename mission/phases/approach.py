@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ApproachSettings
+from contracts.event_data import ApproachData, LostData
 from contracts.geometry import Box, Point3, Pose
 from mission.phases.explore import Exploration, Found
 from mission.sighting import project
@@ -43,7 +44,7 @@ async def approach(exploration: Exploration, found: Found) -> Arrived | Lost:
     trail = [_at(found.look.pose)]
     end = await _legs(exploration, found, trail)
     if isinstance(end, Lost):
-        sortie.write("lost", end.why, {"place": end.place.model_dump(), "blocked": end.blocked})
+        sortie.write(end.why, LostData(place=end.place, blocked=end.blocked))
         back = trail[-2::-1]
         if back:
             await sortie.fly(back, found.look.pose.yaw, "back to where the search was left")
@@ -160,8 +161,7 @@ async def _way(
     )
     answer = await sortie.timed("approach", sortie.ports.depth.approach(question))
     sortie.write(
-        "approach",
         f"way to the window: {answer.status}" + (", up to the stop" if answer.reached else ""),
-        {"answer": answer.model_dump(mode="json"), "max_leg_m": round(question.max_leg_m, 2), "confirmed": confirmed},
+        ApproachData(answer=answer, max_leg_m=round(question.max_leg_m, 2), confirmed=confirmed),
     )
     return answer

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from contracts.depth_assist import ExploreAnswer, ExploreQuestion
+from contracts.event_data import ContourData
 from contracts.geometry import Point3
 from mission.ports import ServiceRefused
 from mission.sortie import Look, MissionEnd, Sortie
@@ -45,13 +46,10 @@ class ContourSearch:
         self._map, self.inspected_share = answer.map, answer.inspected_share
         said = f"{100 * answer.inspected_share:.0f} % of the known facade inspected"
         sortie.write(
-            "contour",
             f"{answer.status}: {answer.reason}; {said}",
-            {
-                "exploration_step": sortie.exploration_steps,
-                "explore": answer.model_dump(mode="json", exclude={"map"}),
-                "map_bytes": len(answer.map),
-            },
+            ContourData(
+                exploration_step=sortie.exploration_steps, explore=answer.explore_step, map_bytes=len(answer.map)
+            ),
         )
         if answer.status == "done":
             raise MissionEnd(

@@ -5,7 +5,7 @@ import math
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from contracts.depth_assist import (
     DirectionPoint,
@@ -14,9 +14,11 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
+from contracts.event_data import DirectionData, JudgedMatch, LookData
 from contracts.geometry import Point3, Pose
 from contracts.images import JpegImage, encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import (
+    ChooseDirectionAnswer,
     ChooseDirectionQuestion,
     FindObjectAnswer,
     FindObjectQuestion,
@@ -24,7 +26,7 @@ from contracts.vlm_gateway import (
     Match,
     View,
 )
-from mission.asking import Answered
+from mission.asking import Answered, Reply
 from mission.marks import mark_box, mark_points
 from mission.phases.contour import ContourSearch
 from mission.sighting import SAME_PLACE_M, Dismissed, Sighting, facade_returns, locate
@@ -136,18 +138,17 @@ class Exploration:
             self._silent += 1
         best = _best(sightings, near)
         sortie.write(
-            "look",
             f"{what}: {_said(reply.answer.outcome, sightings, best, sortie.object or 'object')}",
-            {
-                "exploration_step": sortie.exploration_steps,
-                "pose": look.pose.model_dump(),
-                "object": sortie.object,
-                "answer": reply.answer.model_dump(mode="json", exclude={"matches"}),
-                "sightings": [_data_of(s, s is best) for s in sightings],
-                "returns": facade_returns([look.sights[h] for h in (-90, 0, 90) if h in look.sights]),
-                "render_s": look.observation.render_s,
-                "seconds": round(reply.seconds, 4),
-            },
+            LookData(
+                exploration_step=sortie.exploration_steps,
+                pose=look.pose,
+                object=sortie.object,
+                answer=reply.answer,
+                sightings=tuple(_judged(s, s is best) for s in sightings),
+                returns=tuple(facade_returns([look.sights[h] for h in (-90, 0, 90) if h in look.sights])),
+                render_s=look.observation.render_s,
+                seconds=round(reply.seconds, 4),
+            ),
             lambda: look.pictures | _boxed(look, best),
         )
         if self._silent > sortie.settings.max_model_failures:
@@ -244,7 +245,7 @@ class Exploration:
         sortie, settings = self.sortie, self.sortie.settings
         view, safe, marked = ways
         offered = self._offered(safe)
-        answer: dict[str, Any] | None = None
+        reply: Reply[ChooseDirectionAnswer] | None = None
         if not offered:
             chosen = Chosen(None, f"no way of {settings.min_move_m:g} m is free {towards(view.heading_deg)}")
         elif settings.choice == "centre":
@@ -260,7 +261,6 @@ class Exploration:
                 task=search_task(sortie.object or "", sortie.floor or 1, settings.viewpoint.direction),
             )
             reply = await sortie.book.ask("choice", sortie.ports.vision.choose_direction(question))
-            answer = reply.answer.model_dump(mode="json")
             label = reply.answer.label if isinstance(reply, Answered) else None
             point = next((p for p in offered if p.label == label), None)
             if point is not None:
@@ -268,19 +268,19 @@ class Exploration:
             else:
                 chosen = _widest(offered, f"the choice model's answer was {_why(reply.answer.outcome)}")
         sortie.write(
-            "direction",
             f"view {towards(view.heading_deg)} ({view.reason.replace('_', ' ')}): "
             + (f"point {chosen.point.label}, {chosen.by}" if chosen.point else chosen.by),
-            {
-                "exploration_step": sortie.exploration_steps,
-                "heading_deg": view.heading_deg,
-                "viewpoint": view.model_dump(mode="json"),
-                "points": [p.model_dump() for p in safe.points],
-                "offered": [p.label for p in offered],
-                "label": chosen.point.label if chosen.point else None,
-                "by": chosen.by,
-                "answer": answer,
-            },
+            DirectionData(
+                exploration_step=sortie.exploration_steps,
+                heading_deg=view.heading_deg,
+                viewpoint=view,
+                points=safe.points,
+                offered=tuple(p.label for p in offered),
+                label=chosen.point.label if chosen.point else None,
+                by=chosen.by,
+                answer=reply.answer if reply else None,
+                seconds=round(reply.seconds, 4) if reply else None,
+            ),
             lambda: {"marked": jpeg_bytes(marked)},
         )
         return chosen
@@ -348,14 +348,14 @@ def _said(outcome: str, sightings: list[Sighting], best: Sighting | None, thing:
     return f"no {thing} in sight"
 
 
-def _data_of(sighting: Sighting, accepted: bool) -> dict[str, Any]:
-    return {
-        **sighting.match.model_dump(),
-        "place": sighting.place.model_dump() if sighting.place else None,
-        "distance_m": round(sighting.distance_m, 2) if sighting.distance_m is not None else None,
-        "accepted": accepted,
-        "rejected": sighting.rejected,
-    }
+def _judged(sighting: Sighting, accepted: bool) -> JudgedMatch:
+    return JudgedMatch(
+        **dict(sighting.match),
+        place=sighting.place,
+        distance_m=round(sighting.distance_m, 2) if sighting.distance_m is not None else None,
+        accepted=accepted,
+        rejected=sighting.rejected,
+    )
 
 
 def _boxed(look: Look, best: Sighting | None) -> dict[str, bytes]:

@@ -7,6 +7,17 @@ import math
 from typing import NamedTuple
 
 from contracts.depth_assist import SafeDistancesQuestion
+from contracts.event_data import (
+    BandDecision,
+    BuildingBoxData,
+    FacadeBand,
+    FinalHeightDecision,
+    FloorCountData,
+    FloorDecision,
+    FloorDecisionName,
+    FloorNotFoundDecision,
+    StandOffData,
+)
 from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.sim import MoveResult
@@ -62,9 +73,8 @@ async def go_to_floor(sortie: Sortie) -> None:
     view = _vertical(sight)
     span = band_span_m(stand_off, view)
     sortie.write(
-        "stand_off",
         f"the facade is {stand_off:.1f} m ahead: one picture spans {span:.1f} m of it",
-        {"stand_off_m": round(stand_off, 3), "span_m": round(span, 3), "pose": sight.pose.model_dump()},
+        StandOffData(stand_off_m=round(stand_off, 3), span_m=round(span, 3), pose=sight.pose),
         lambda: {sight.name: sight.jpeg},
     )
     if sortie.settings.floors == "direct-count":
@@ -241,13 +251,8 @@ async def _building_box(sortie: Sortie) -> None:
     sortie.building_box = box
     said = "the building's box" if box else f"no building box ({reply.answer.outcome}); depth stays uncropped"
     sortie.write(
-        "building_box",
         said,
-        {
-            "pose": sight.pose.model_dump(),
-            "answer": reply.answer.model_dump(mode="json"),
-            "seconds": round(reply.seconds, 4),
-        },
+        BuildingBoxData(pose=sight.pose, answer=reply.answer, seconds=round(reply.seconds, 4)),
         lambda: {sight.name: jpeg_bytes(encode_jpeg(mark_box(sight.rgb, box, "building"))) if box else sight.jpeg},
     )
 
@@ -273,31 +278,51 @@ def _report(
     if count.floors is not None and count.answer.floors is not None and count.floors != count.answer.floors:
         once_more = count.floors < count.answer.floors
         said += " (without one counted below)" if once_more else " (with what the picture does not show)"
-    what = {"Climb": "climb on", "FinalHeight": "height found", "FloorNotFound": "no such floor"}
-    decided = type(decision).__name__
+    decided = _decided(decision)
     sortie.write(
-        "floor_count",
-        f"{place}: {said}; {what.get(decided, 'ask again')}"
-        + (f": {decision.height_m:.1f} m" if isinstance(decision, FinalHeight) else ""),
-        {
-            "pose": sight.pose.model_dump(),
-            "band": here._asdict() if here else None,
-            "facade_top_m": round(top, 3) if top is not None else None,
-            "floors_new": count.floors,
-            "floors_wanted": sortie.floor,
-            "answer": count.answer.model_dump(mode="json"),
-            "decision": decided,
-            "detail": _plain(decision),
-            "seconds": round(count.seconds, 4),
-        },
+        f"{place}: {said}; {decided.words}",
+        FloorCountData(
+            pose=sight.pose,
+            band=_recorded(here),
+            facade_top_m=round(top, 3) if top is not None else None,
+            floors_new=count.floors,
+            floors_wanted=sortie.floor,
+            answer=count.answer,
+            decision=decided.name,
+            detail=decided.detail,
+            seconds=round(count.seconds, 4),
+        ),
         lambda: {sight.name: sight.jpeg},
     )
 
 
-def _plain(decision: Climb | FinalHeight | Recount | FloorNotFound | None) -> dict[str, object]:
-    if decision is None:
-        return {}
-    return {k: v._asdict() if isinstance(v, Band) else v for k, v in decision._asdict().items()}
+class Decided(NamedTuple):
+    """A decision as the record has it, and in words."""
+
+    name: FloorDecisionName
+    detail: FloorDecision
+    words: str
+
+
+def _decided(decision: Climb | FinalHeight | Recount | FloorNotFound | None) -> Decided:
+    match decision:
+        case FinalHeight():
+            words = f"height found: {decision.height_m:.1f} m"
+            return Decided("FinalHeight", FinalHeightDecision(**decision._asdict()), words)
+        case FloorNotFound():
+            return Decided("FloorNotFound", FloorNotFoundDecision(**decision._asdict()), "no such floor")
+        case Climb():
+            detail = BandDecision(band=_recorded(decision.band), floors_counted=decision.floors_counted)
+            return Decided("Climb", detail, "climb on")
+        case Recount():
+            detail = BandDecision(band=_recorded(decision.band), floors_counted=decision.floors_counted)
+            return Decided("Recount", detail, "ask again")
+        case None:
+            return Decided("Recount", BandDecision(band=None, floors_counted=0.0), "ask again")
+
+
+def _recorded(band: Band | None) -> FacadeBand | None:
+    return FacadeBand(**band._asdict()) if band is not None else None
 
 
 def _not_there(sortie: Sortie, end: FloorNotFound) -> MissionEnd:

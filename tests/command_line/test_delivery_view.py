@@ -6,7 +6,8 @@ from pathlib import Path
 from rich.console import Console
 
 from command_line.delivery_view import LiveView, PlainView, print_result
-from contracts.orchestrator import DeliveryQuestion, DeliveryResult, Event
+from contracts.events import Event, ResultEvent
+from contracts.orchestrator import DeliveryQuestion
 from orchestrator.delivery import Order, Run
 from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
 
@@ -46,10 +47,10 @@ async def test_the_live_view_shows_phases_model_calls_and_the_request_as_it_was_
     assert "model: recognition" in shown
     assert "delivered" in shown
     result = events[-1]
-    assert result.kind == "result"
+    assert isinstance(result, ResultEvent)
     plain = Console(file=io.StringIO(), width=110, record=True)
     told = run.record.folder
-    print_result(plain, DeliveryResult.model_validate(result.data), str(told))
+    print_result(plain, result.data, str(told))
     text = plain.export_text()
     assert text.startswith("DELIVERED")
     assert str(told) in text

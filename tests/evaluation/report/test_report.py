@@ -11,9 +11,13 @@ import typer
 from typer.testing import CliRunner
 
 from command_line.report import report
-from contracts.depth_assist import ViewpointSettings
+from contracts.depth_assist import ExploreDrawing, ExploreStep, ViewpointSettings
+from contracts.event_data import ContourData, LookData, MoveData, PlacedData
+from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
+from contracts.sim import Flight
+from contracts.vlm_gateway import FindObjectAnswer
 from evaluation.bench.folder import BadFolder
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.model_calls import RoleCalls
@@ -54,7 +58,7 @@ class Nesting(HTMLParser):
         assert self.open.pop() == tag
 
 
-def recorded(run: Path, task: Task, result: DeliveryResult, drawing: dict[str, object] | None = None) -> EpisodeRecord:
+def recorded(run: Path, task: Task, result: DeliveryResult, drawing: ExploreDrawing | None = None) -> EpisodeRecord:
     """A failure with its record on disk: one look with five pictures, in plain view of the window; `drawing` is the
     contour explorer's map."""
     question = DeliveryQuestion(request=task.request, scene=task.scene)
@@ -63,13 +67,24 @@ def recorded(run: Path, task: Task, result: DeliveryResult, drawing: dict[str, o
     )
     jpeg = jpeg_bytes(encode_jpeg(np.full((800, 800, 3), 90, np.uint8)))
     record = Record(run / "episodes" / task.id, delivery, question)
-    pose = {"x": 10.0, "y": -6.0, "z": 7.5, "yaw": 3.14}
-    record.write("place", "placed", "the drone stands", {"pose": pose | {"z": 1.5}})
-    record.write("floors", "move", "to floor 3", {"path": [pose], "reached": True, "to": pose})
+    ground, pose = Pose(x=10.0, y=-6.0, z=1.5, yaw=3.14), Pose(x=10.0, y=-6.0, z=7.5, yaw=3.14)
+    placed = PlacedData(episode="e", pose=ground, renderer="moderngl", renderer_detail="", flight=Flight())
+    record.write("place", "the drone stands", placed)
+    path = (Point3(x=10.0, y=-6.0, z=7.5),)
+    moved = MoveData(
+        number=1, start=ground, to=pose, path=path, reached=True, collided=False, hit=None, path_m=6.0, flight_s=3.0
+    )
+    record.write("floors", "to floor 3", moved)
     views = dict.fromkeys(("view-90", "view-45", "view", "view+45", "view+90"), jpeg)
-    record.write("explore", "look", "step 1: no <pot> in sight", {"pose": pose, "returns": []}, lambda: views)
+    nothing = FindObjectAnswer(outcome="answered", role="recognition", backend="scripted", model="m", found=False)
+    look = LookData(exploration_step=1, pose=pose, object="pot", answer=nothing, render_s=0.1, seconds=0.1)
+    record.write("explore", "step 1: no <pot> in sight", look, lambda: views)
     if drawing is not None:
-        record.write("explore", "contour", "move: towards facade", {"explore": {"drawing": drawing}})
+        step = ExploreStep(
+            status="move", reason="towards facade", stop=None, bearing_deg=0.0, distance_m=4.0, yaw=0.0,
+            gain_m=2.0, way_m=4.0, inspected_share=0.5, step=1, drawing=drawing,
+        )  # fmt: skip
+        record.write("explore", "towards facade", ContourData(exploration_step=1, explore=step, map_bytes=0))
     record.conclude(result)
     record.announce(result)
     return a_record(task, result, folder=f"episodes/{task.id}")
@@ -114,13 +129,13 @@ def test_the_page_holds_every_failure_once_with_its_reason(two_runs: list[Path])
 
 
 def test_a_failure_of_the_contour_search_shows_what_it_had_seen_and_what_it_expected(tmp_path: Path) -> None:
-    drawing: dict[str, object] = {
-        "cell_m": 0.5,
-        "inspected": [(1.0, 0.0), (1.5, 0.0)],
-        "uninspected": [(2.0, 0.0)],
-        "expected": [(20.0, 3.0)],
-        "way": [(22.0, -2.0), (24.0, 2.0)],
-    }
+    drawing = ExploreDrawing(
+        cell_m=0.5,
+        inspected=((1.0, 0.0), (1.5, 0.0)),
+        uninspected=((2.0, 0.0),),
+        expected=((20.0, 3.0),),
+        way=((22.0, -2.0), (24.0, 2.0)),
+    )
     missed = a_result("object_not_found", stops=stops((10.0, -6.0, 3.14)))
     page = build_page(
         load_runs([a_run(tmp_path / "run", TASKS, [recorded(tmp_path / "run", TASKS[0], missed, drawing)])])
