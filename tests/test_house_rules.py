@@ -24,7 +24,19 @@ ALLOWED: dict[str, set[str]] = {
     "training": {"contracts", "navigation", "evaluation", "services.sim", "services.vlm_gateway"},
 }
 OURS = tuple(ALLOWED)
-MAX_LINES = 400
+MAX_LINES = 300
+LONG = {
+    "evaluation/bench/worker.py",
+    "mission/phases/explore.py",
+    "mission/phases/floors.py",
+    "services/llm_parser/rules/lexicon.py",
+    "services/llm_parser/rules/mentions.py",
+    "services/llm_parser/rules/tokens.py",
+    "services/vlm_gateway/config.py",
+    "services/vlm_gateway/upstream/client.py",
+    "services/vlm_gateway/upstream/connection.py",
+}
+"""Modules still to be cut down. The catalogue's may be longer: they are lists of things."""
 
 
 def modules(*packages: str) -> list[Path]:
@@ -139,8 +151,19 @@ def test_libraries_neither_print_nor_exit(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", modules(*OURS), ids=lambda p: str(p.relative_to(ROOT)))
-def test_modules_stay_short_enough_to_know_their_room(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+def test_modules_stay_short(path: Path) -> None:
+    name = path.relative_to(ROOT).as_posix()
+    if name.startswith("services/sim/catalogue/"):
+        return
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    if name in LONG:
+        assert lines > MAX_LINES, f"{name} is short enough now: take it off the list"
+    else:
+        assert lines <= MAX_LINES, f"{name} has {lines} lines, {MAX_LINES} are enough"
+
+
+def test_modules_that_are_too_long_are_there() -> None:
+    assert not {name for name in LONG if not (ROOT / name).is_file()}
 
 
 @pytest.mark.parametrize("path", modules(*OURS), ids=lambda p: str(p.relative_to(ROOT)))
