@@ -29,10 +29,12 @@ LONG = {
     "evaluation/bench/worker.py",
     "mission/phases/explore.py",
     "mission/phases/floors.py",
+    "navigation/camera.py",
     "services/llm_parser/rules/lexicon.py",
     "services/llm_parser/rules/mentions.py",
     "services/llm_parser/rules/tokens.py",
     "services/vlm_gateway/config.py",
+    "services/vlm_gateway/hot/frontend.py",
     "services/vlm_gateway/upstream/client.py",
     "services/vlm_gateway/upstream/connection.py",
 }
