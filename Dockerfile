@@ -16,7 +16,9 @@ COPY service_kit service_kit
 COPY services services
 COPY mission mission
 COPY orchestrator orchestrator
-COPY vld vld
+COPY launcher launcher
+COPY evaluation evaluation
+COPY command_line command_line
 RUN uv sync --quiet --frozen --no-dev --no-editable --extra ${extra}
 
 FROM ${base}

@@ -18,13 +18,10 @@ class ViewDepth(Wire):
     depth: DepthMap
 
 
-class ViewpointSettings(Wire):
-    """Free constants of eq. 4-6; the policy `contour` is the explorer of `ExploreQuestion` and reads none of them.
-    `d_max_m` is where the search of `d_max` starts; each step without a valid split raises it by `d_max_step_m` up to
-    `d_max_limit_m`, and a valid split resets it."""
+class ViewpointConstants(Wire):
+    """Free constants of eq. 4-6. `d_max_m` is where the search of `d_max` starts; each step without a valid split
+    raises it by `d_max_step_m` up to `d_max_limit_m`, and a valid split resets it."""
 
-    policy: Literal["paper", "random", "default", "contour"] = "paper"
-    direction: Literal["clockwise", "counterclockwise"] = "clockwise"
     slices: int = Field(default=20, ge=4, le=200)
     delta_m: Positive = 6.0
     d_max_m: Positive = 25.0
@@ -32,6 +29,13 @@ class ViewpointSettings(Wire):
     d_max_limit_m: Positive = 60.0
     max_over: int = Field(default=2, ge=0, le=200)
     sensor_range_m: Positive = 60.0
+
+
+class ViewpointSettings(ViewpointConstants):
+    """How a view is picked: by eq. 4-6, by chance, or always the one along the building."""
+
+    policy: Literal["paper", "random", "default"] = "paper"
+    direction: Literal["clockwise", "counterclockwise"] = "clockwise"
 
 
 class ViewpointQuestion(Wire):
@@ -124,7 +128,7 @@ class ApproachSettings(Wire):
 
     drone_radius_m: Positive = 0.35
     clearance_m: Metres = 0.6
-    stop_distance_m: Positive = 2.0
+    stop_distance_m: Positive = 1.5
     height_slack_m: Metres = 0.75
     sensor_range_m: Positive = 60.0
 

@@ -2,14 +2,14 @@
 
 from typing import Annotated, Literal, TypeAlias
 
-from pydantic import ConfigDict, Field
+from pydantic import AliasChoices, ConfigDict, Field
 
 from contracts.base import Metres, Name, Wire
 from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreStep, PlanPoint, ViewpointAnswer
 from contracts.geometry import Heading, Point3, PointLabel, Pose
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import DeliveryResult
-from contracts.sim import Flight, Verdict
+from contracts.sim import Verdict
 from contracts.vlm_gateway import BuildingBoxAnswer, ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, Match
 
 Seconds = Annotated[float, Field(ge=0.0)]
@@ -28,13 +28,13 @@ class ParsedData(Wire):
 
 
 class PlacedData(Wire):
-    """The drone stands at its start; `episode`, `renderer` and `flight` are the simulator's."""
+    """The drone is at its start. `vehicle` is its name, which records of version 0.1 call `episode`; `vehicle_kind`
+    what it says that it is."""
 
-    episode: Name
+    vehicle: Name = Field(validation_alias=AliasChoices("vehicle", "episode"))
+    vehicle_kind: str = ""
     pose: Pose
-    renderer: str
-    renderer_detail: str
-    flight: Flight
+    cameras: tuple[Name, ...] = ()
 
 
 class StandOffData(Wire):
@@ -78,6 +78,10 @@ class FloorNotFoundDecision(Wire):
     best_guess_m: float | None
 
 
+FloorDecision: TypeAlias = BandDecision | FinalHeightDecision | FloorNotFoundDecision
+FloorDecisionName = Literal["Climb", "FinalHeight", "Recount", "FloorNotFound"]
+
+
 class FloorCountData(Wire):
     """One floor count and what eq. 3 makes of it. `band` is null for a picture of the whole building. `floors_new`: the
     floors that are new in this band, after the answer was held against the rows of windows; null without a readable
@@ -86,11 +90,11 @@ class FloorCountData(Wire):
     pose: Pose
     band: FacadeBand | None
     facade_top_m: float | None
-    floors_new: float | None
+    floors_new: int | None
     floors_wanted: int | None
     answer: FloorCountAnswer
-    decision: Literal["Climb", "FinalHeight", "Recount", "FloorNotFound"]
-    detail: BandDecision | FinalHeightDecision | FloorNotFoundDecision
+    decision: FloorDecisionName
+    detail: FloorDecision
     seconds: Seconds
 
 

@@ -1,17 +1,18 @@
 """orchestrator: deliveries, their settings, their events, their results."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field, JsonValue
 
 from contracts.base import Metres, Name, Unit, Wire
-from contracts.depth_assist import ApproachSettings, ExploreSettings, SafeDistanceSettings, ViewpointSettings
+from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Pose
 from contracts.scene import Scene
 from contracts.sim import Flight, Verdict
 
 OutcomeName = Literal[
     "delivered",
+    "delivered_not_judged",
     "wrong_window",
     "not_in_front",
     "collision",
@@ -46,23 +47,35 @@ class SightingSettings(Wire):
     sure_confidence: Unit = 0.9
 
 
+class SearchSettings(Wire):
+    """The search policy by name, null for the default one, and beside the name its own settings; which there are, the
+    policy says. Results are recorded with all of them written out."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, JsonValue] = Field(init=False)
+
+    policy: Name | None = None
+
+    @property
+    def constants(self) -> dict[str, JsonValue]:
+        """The policy's own settings, as far as they are given."""
+        return dict(self.__pydantic_extra__)
+
+
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role."""
 
     floors: Literal["stepwise", "direct-count"] = "stepwise"
     band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
-    choice: Literal["model", "centre"] = "model"
-    viewpoint: ViewpointSettings = ViewpointSettings(policy="contour")
-    safe_distances: SafeDistanceSettings = SafeDistanceSettings()
-    explore: ExploreSettings = ExploreSettings()
-    approach: ApproachSettings = ApproachSettings(stop_distance_m=1.5)
+    viewpoint: SearchSettings = SearchSettings()
+    approach: ApproachSettings = ApproachSettings()
     sightings: SightingSettings = SightingSettings()
     flight: Flight = Flight()
     parser_model: Name | None = None
     vision_model: Name | None = None
     max_exploration_steps: int = Field(default=30, ge=1, le=200)
     max_bands: int = Field(default=12, ge=1, le=50)
-    min_move_m: Metres = 1.0
+    take_off_height_m: Metres = 1.5
     fallback_turn_deg: float = Field(default=30.0, ge=1.0, le=180.0)
     max_model_failures: int = Field(default=3, ge=0, le=20)
     image_size: int = Field(default=800, ge=64, le=1600)
@@ -104,7 +117,7 @@ class Stop(Wire):
 
 class DeliveryResult(Wire):
     """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
-    wall time by part. `inspected_share`: of the facade on that floor, as the contour explorer has it."""
+    wall time by part. `search_policy` by its name; `inspected_share`: of the facade on that floor, where the policy tells."""
 
     outcome: OutcomeName
     message: str
@@ -122,6 +135,7 @@ class DeliveryResult(Wire):
     model_calls: dict[str, ModelCalls]
     renderer: str | None
     stops: tuple[Stop, ...] = ()
+    search_policy: Name | None = None
     inspected_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
 
 
@@ -140,19 +154,6 @@ class Delivery(Wire):
 
 class DeliveryList(Wire):
     deliveries: tuple[Delivery, ...]
-
-
-class Event(Wire):
-    """One line of a delivery's record, and one server-sent event. `number` counts from 1 without gaps; `kind` says
-    what `data` holds; `pictures` are file names in the record's `pictures` folder."""
-
-    number: int
-    time_s: float
-    phase: Phase
-    kind: str
-    message: str
-    data: dict[str, Any] = {}
-    pictures: tuple[str, ...] = ()
 
 
 class Sample(Wire):

@@ -1,7 +1,6 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
 from collections.abc import Awaitable
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -30,8 +29,12 @@ from contracts.vlm_gateway import (
     FloorCountAnswer,
     FloorCountQuestion,
 )
+from mission.episodes import EpisodeTrial
 from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
+from mission.vehicle import Trial
+from service_kit.addresses import Addresses
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
+from service_kit.connections import NO_TOKENS, Tokens
 
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
@@ -43,16 +46,6 @@ MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
 DEPTH_DEADLINE_S = 30.0
 END_DEADLINE_S = 5.0
-
-
-@dataclass(frozen=True)
-class Addresses:
-    """Where the four services listen."""
-
-    llm_parser: str = "http://127.0.0.1:8101"
-    vlm_gateway: str = "http://127.0.0.1:8102"
-    depth_assist: str = "http://127.0.0.1:8103"
-    sim: str = "http://127.0.0.1:8104"
 
 
 class HttpParser:
@@ -132,11 +125,17 @@ class HttpWorld:
 class Services:
     """The HTTP clients of all four services. Use as an async context manager."""
 
-    def __init__(self, at: Addresses, *, gateway_token: str | None = None) -> None:
-        self.llm_parser = ServiceClient("llm_parser", at.llm_parser, timeout_s=MODEL_DEADLINE_S)
-        self.vlm_gateway = ServiceClient("vlm_gateway", at.vlm_gateway, timeout_s=MODEL_DEADLINE_S, token=gateway_token)
-        self.depth_assist = ServiceClient("depth_assist", at.depth_assist, timeout_s=DEPTH_DEADLINE_S)
-        self.sim = ServiceClient("sim", at.sim, timeout_s=WORLD_DEADLINE_S)
+    def __init__(self, at: Addresses, tokens: Tokens = NO_TOKENS) -> None:
+        self.llm_parser = ServiceClient(
+            "llm_parser", at.llm_parser, timeout_s=MODEL_DEADLINE_S, token=tokens.llm_parser
+        )
+        self.vlm_gateway = ServiceClient(
+            "vlm_gateway", at.vlm_gateway, timeout_s=MODEL_DEADLINE_S, token=tokens.vlm_gateway
+        )
+        self.depth_assist = ServiceClient(
+            "depth_assist", at.depth_assist, timeout_s=DEPTH_DEADLINE_S, token=tokens.depth_assist
+        )
+        self.sim = ServiceClient("sim", at.sim, timeout_s=WORLD_DEADLINE_S, token=tokens.sim)
 
     @property
     def all(self) -> tuple[ServiceClient, ...]:
@@ -147,8 +146,11 @@ class Services:
             parser=HttpParser(self.llm_parser),
             vision=HttpVision(self.vlm_gateway),
             depth=HttpDepthAssist(self.depth_assist),
-            world=HttpWorld(self.sim),
         )
+
+    def trial(self) -> Trial:
+        """The simulator that judges."""
+        return EpisodeTrial(HttpWorld(self.sim))
 
     async def close(self) -> None:
         for client in self.all:

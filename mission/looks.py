@@ -3,26 +3,19 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.cameras import Camera
+from contracts.cameras import Camera as WireCamera
 from contracts.depth_assist import ViewDepth
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.vehicle import Observation, SensedView
 from mission.ports import ServiceRefused
+from navigation.camera import Camera, DepthView
 
 _HEADINGS = {int(heading): heading for heading in VIEW_HEADINGS_DEG}
-
-
-class Size(NamedTuple):
-    """Of a picture, in pixels."""
-
-    width: int
-    height: int
 
 
 @dataclass(frozen=True)
@@ -33,9 +26,15 @@ class Sight:
     pose: Pose
     view: SensedView
 
-    @property
+    @cached_property
     def camera(self) -> Camera:
-        return self.view.camera
+        """The camera as the mathematics takes it."""
+        return navigation_camera(self.view.camera)
+
+    @property
+    def seen(self) -> DepthView:
+        """The depth with its camera, as the mathematics takes it."""
+        return DepthView(self.camera, self.depth_m)
 
     @property
     def heading_deg(self) -> Heading:
@@ -63,10 +62,6 @@ class Sight:
         if self.view.depth is None:
             raise ServiceRefused("the vehicle sent a view without depth", code="garbled", status=502)
         return self.view.depth
-
-    @property
-    def size(self) -> Size:
-        return Size(self._depth.width, self._depth.height)
 
     @property
     def depth_view(self) -> ViewDepth:
@@ -127,3 +122,21 @@ def look_of(observation: Observation, wanted: Sequence[str]) -> Look:
     except BadImage as error:
         raise ServiceRefused(f"the vehicle sent a bad picture: {error}", code="garbled", status=502) from None
     return Look(observation, sights)
+
+
+def navigation_camera(camera: WireCamera) -> Camera:
+    """A camera of the contracts as the mathematics takes it."""
+    offset = camera.offset
+    return Camera(
+        camera.width,
+        camera.height,
+        camera.fx_px,
+        camera.fy_px,
+        camera.cx_px,
+        camera.cy_px,
+        camera.heading_deg,
+        camera.pitch_deg,
+        offset.forward_m,
+        offset.right_m,
+        offset.up_m,
+    )

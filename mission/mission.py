@@ -108,7 +108,7 @@ def result_of(state: MissionState, context: MissionContext) -> DeliveryResult:
         verdict=state.verdict,
         timings_s={part: round(seconds, 4) for part, seconds in state.seconds.items()},
         model_calls=state.calls,
-        vehicle=state.vehicle_kind,
+        renderer=state.renderer,
         stops=state.stops,
         search_policy=context.policy.name,
         inspected_share=memory.inspected_share,

@@ -22,6 +22,10 @@ class Placement(Protocol):
         """The drone of that name, which `begin` gave before, perhaps to another process."""
         ...
 
+    async def renderer(self, vehicle: str) -> str | None:
+        """Who draws the pictures, where a simulator does."""
+        ...
+
     async def claim(self, vehicle: str, target: Point3 | None) -> Verdict | None:
         """The mission says: this is the window. The same claim again is the same verdict; null where nobody judges."""
         ...
@@ -42,6 +46,9 @@ class InTrial:
     async def resume(self, vehicle: str) -> Vehicle:
         return await self.trial.resume(vehicle)
 
+    async def renderer(self, vehicle: str) -> str | None:
+        return await self.trial.renderer(vehicle)
+
     async def claim(self, vehicle: str, target: Point3 | None) -> Verdict | None:
         return await self.trial.claim(vehicle, target)
 
@@ -57,6 +64,9 @@ class OwnVehicle:
 
     async def resume(self, vehicle: str) -> Vehicle:
         return self.vehicle
+
+    async def renderer(self, vehicle: str) -> str | None:
+        return None
 
     async def claim(self, vehicle: str, target: Point3 | None) -> Verdict | None:
         return None

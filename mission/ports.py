@@ -107,9 +107,8 @@ class World(Protocol):
 
 @dataclass(frozen=True)
 class Ports:
-    """The four parts a mission is flown with."""
+    """The services a mission asks; where its drone comes from is `mission.placement`."""
 
     parser: Parser
     vision: Vision
     depth: DepthAssist
-    world: World

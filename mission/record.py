@@ -2,7 +2,8 @@
 
 question.json    what was asked for, with every setting and the scene
 delivery.json    id, time, request
-events.jsonl     one contracts.orchestrator.Event a line, flushed as it happens
+events.jsonl     one of contracts.events a line, flushed as it happens
+state.json       the mission's state after its last step, from which it can be carried on
 pictures/        the JPEG of each view, marked pictures, named by the events
 result.json      written last, in one piece: a folder without it is a delivery that was cut off
 summary.png      one picture for people
@@ -14,11 +15,14 @@ import time
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Literal, Protocol, Self
 
 from pydantic import ValidationError
 
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, Phase
+from contracts.event_data import EventData
+from contracts.events import Event, KnownEvent, new_event, read_event
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Phase
+from mission.state import MissionState
 
 PICTURE_NAME = re.compile(r"[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg")
 DELIVERY_ID = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{6}")
@@ -32,14 +36,10 @@ class Log(Protocol):
     """Where a mission writes what happens."""
 
     def write(
-        self,
-        phase: Phase,
-        kind: str,
-        message: str,
-        data: Mapping[str, Any] | None = None,
-        pictures: Pictures | None = None,
+        self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None
     ) -> None:
-        """One event, with its pictures."""
+        """Event `number` (1, 2, ...), with its pictures. A number that is there already is the same event: nothing is
+        written again."""
         ...
 
 
@@ -52,45 +52,62 @@ class Record:
         delivery: Delivery,
         question: DeliveryQuestion,
         *,
-        listener: Callable[[Event], None] | None = None,
+        listener: Callable[[KnownEvent], None] | None = None,
+    ) -> None:
+        """A new record. Raises OSError, FileExistsError where there is one already."""
+        (folder / "pictures").mkdir(parents=True)
+        write_whole(folder / "question.json", question.model_dump_json(indent=1))
+        write_whole(folder / "delivery.json", delivery.model_dump_json(indent=1))
+        self._open(folder, delivery, listener, "x")
+
+    @classmethod
+    def reopened(cls, folder: Path, *, listener: Callable[[KnownEvent], None] | None = None) -> Self:
+        """The record of a delivery that another process left, to be carried on. An event cut off by the process's end
+        is dropped: it will be written again. Raises OSError, ValueError where the folder holds no record."""
+        delivery = Delivery.model_validate_json((folder / "delivery.json").read_text(encoding="utf-8"))
+        whole = read_events(folder)
+        record = cls.__new__(cls)
+        record._open(folder, delivery, listener, "a")
+        record._events.truncate(_length_of(folder / "events.jsonl", len(whole)))
+        if whole:
+            record._number = whole[-1].number
+            record._started -= whole[-1].time_s
+        return record
+
+    def _open(
+        self, folder: Path, delivery: Delivery, listener: Callable[[KnownEvent], None] | None, mode: Literal["x", "a"]
     ) -> None:
         self.folder = folder
         self.delivery = delivery
         self._listener = listener
         self._started = time.monotonic()
         self._number = 0
-        (folder / "pictures").mkdir(parents=True)
-        write_whole(folder / "question.json", question.model_dump_json(indent=1))
-        write_whole(folder / "delivery.json", delivery.model_dump_json(indent=1))
-        self._events = (folder / "events.jsonl").open("x", encoding="utf-8")
+        self._events = (folder / "events.jsonl").open(mode, encoding="utf-8")
 
     def write(
-        self,
-        phase: Phase,
-        kind: str,
-        message: str,
-        data: Mapping[str, Any] | None = None,
-        pictures: Pictures | None = None,
+        self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None
     ) -> None:
-        self._number += 1
+        """Raises ValueError for a number that leaves a gap."""
+        if number <= self._number:
+            return
+        if number != self._number + 1:
+            raise ValueError(f"event {number} can't follow event {self._number}: the record has lost something")
         names = []
         for short, jpeg in (pictures() if pictures is not None else {}).items():
-            name = f"{self._number:04d}_{short}.jpg"
+            name = f"{number:04d}_{short}.jpg"
             (self.folder / "pictures" / name).write_bytes(jpeg)
             names.append(name)
-        event = Event(
-            number=self._number,
-            time_s=round(time.monotonic() - self._started, 3),
-            phase=phase,
-            kind=kind,
-            message=message,
-            data=dict(data or {}),
-            pictures=tuple(names),
-        )
+        time_s = round(time.monotonic() - self._started, 3)
+        event = new_event(data, number=number, time_s=time_s, phase=phase, message=message, pictures=names)
         self._events.write(event.model_dump_json() + "\n")
         self._events.flush()
+        self._number = number
         if self._listener is not None:
             self._listener(event)
+
+    def keep(self, state: MissionState) -> None:
+        """Writes the state from which the mission can be carried on."""
+        write_whole(self.folder / "state.json", state.model_dump_json())
 
     def conclude(self, result: DeliveryResult) -> None:
         """Writes the result: from here on the delivery is done, whatever happens to the process."""
@@ -98,7 +115,7 @@ class Record:
 
     def announce(self, result: DeliveryResult) -> None:
         """Writes the last event, after everything else is in the folder, and closes the record."""
-        self.write("done", "result", f"{result.outcome}: {result.message}", result.model_dump(mode="json"))
+        self.write(self._number + 1, "done", f"{result.outcome}: {result.message}", result)
         os.fsync(self._events.fileno())
         self.close()
 
@@ -134,10 +151,25 @@ def read_events(folder: Path) -> list[Event]:
         return events
     for line in lines:
         try:
-            events.append(Event.model_validate_json(line))
+            events.append(read_event(line))
         except ValidationError:
             break
     return events
+
+
+def read_state(folder: Path) -> MissionState | None:
+    """Where the mission was left, or null where it had not come so far. Raises ValueError for a state of another
+    version."""
+    try:
+        return MissionState.model_validate_json((folder / "state.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+
+
+def _length_of(path: Path, lines: int) -> int:
+    """How many bytes so many lines at the beginning of a file take."""
+    with path.open("rb") as file:
+        return sum(len(line) for line, _ in zip(file, range(lines), strict=False))
 
 
 def read_delivery(folder: Path) -> Delivery | None:

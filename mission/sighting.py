@@ -11,7 +11,7 @@ from contracts.geometry import Box, Point3
 from contracts.geometry import Pose as WirePose
 from contracts.vlm_gateway import Match
 from mission.sortie import Look, Sight, distance_m
-from navigation.camera import Pose, direction, pinhole, pixel_place
+from navigation.camera import Pose, pixel_place, pixels_of
 
 MAX_SIGHTING_M = 25.0
 SAME_FLOOR = 0.75
@@ -64,12 +64,15 @@ def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float)
     depth_m = _median_depth_m(sight.depth_m, box)
     if depth_m is None:
         return Sighting(match, None, None, None, "no depth in its box")
-    height, width = sight.depth_m.shape
-    camera = pinhole(width, height)
-    middle = ((box.x_min + box.x_max) / 2 * width, (box.y_min + box.y_max) / 2 * height)
-    at = pixel_place(camera, *middle, depth_m, _pose(sight), sight.heading_deg)
-    metres_per_px = depth_m / camera.focal_px
-    extent = Extent((box.x_max - box.x_min) * width * metres_per_px, (box.y_max - box.y_min) * height * metres_per_px)
+    camera = sight.camera
+    width, height = camera.width, camera.height
+    at = pixel_place(
+        camera, (box.x_min + box.x_max) / 2 * width, (box.y_min + box.y_max) / 2 * height, depth_m, _pose(sight)
+    )
+    extent = Extent(
+        (box.x_max - box.x_min) * width * depth_m / camera.fx_px,
+        (box.y_max - box.y_min) * height * depth_m / camera.fy_px,
+    )
     away = math.dist(at, (sight.pose.x, sight.pose.y, sight.pose.z))
     rejected = None
     if away > MAX_SIGHTING_M:
@@ -84,19 +87,19 @@ def project(place: Point3, extent: Extent, look: Look) -> tuple[Sight, Box] | No
     it is nearest to the middle. Null where it is in none of them."""
     best: tuple[float, Sight, Box] | None = None
     for sight in look.all:
-        forward = direction(sight.pose.yaw, sight.heading_deg)
-        dx, dy, up = place.x - sight.pose.x, place.y - sight.pose.y, place.z - sight.pose.z
-        ahead = dx * forward[0] + dy * forward[1]
-        right = dx * forward[1] - dy * forward[0]
+        camera = sight.camera
+        x_px, y_px, ahead = (
+            float(v[0]) for v in pixels_of(camera, _pose(sight), np.array([[place.x, place.y, place.z]]))
+        )
         if ahead < 0.1:
             continue
-        # 90 degrees across and down: half the picture is as far to the side as the thing is ahead
-        x, y = 0.5 + right / ahead / 2, 0.5 - up / ahead / 2
-        half_x, half_y = extent.width_m / ahead / 4, extent.height_m / ahead / 4
+        x, y = x_px / camera.width, y_px / camera.height
+        half_x = extent.width_m / ahead * camera.fx_px / camera.width / 2
+        half_y = extent.height_m / ahead * camera.fy_px / camera.height / 2
         edges = [min(1.0, max(0.0, e)) for e in (x - half_x, y - half_y, x + half_x, y + half_y)]
         if not (0.0 < x < 1.0 and 0.0 < y < 1.0) or edges[2] - edges[0] < 0.005 or edges[3] - edges[1] < 0.005:
             continue
-        off = abs(x - 0.5)
+        off = abs(x_px - camera.cx_px) / camera.fx_px
         if best is None or off < best[0]:
             best = (off, sight, Box(x_min=edges[0], y_min=edges[1], x_max=edges[2], y_max=edges[3]))
     return best[1:] if best else None
@@ -106,13 +109,12 @@ def facade_returns(sights: Sequence[Sight]) -> list[tuple[float, float]]:
     """Where the middle rows of some views hit something: plan points in metres, for drawing only."""
     points = []
     for sight in sights:
-        width, height = sight.size
-        camera = pinhole(width, height)
-        row = sight.depth_row_m(height // 2)
-        for column in np.linspace(0, width - 1, FACADE_SAMPLES).astype(int):
+        camera = sight.camera
+        row = sight.depth_row_m(int(camera.cy_px))
+        for column in np.linspace(0, camera.width - 1, FACADE_SAMPLES).astype(int):
             depth = float(row[column])
             if math.isfinite(depth) and 0.0 < depth < 40.0:
-                at = pixel_place(camera, column + 0.5, height / 2, depth, _pose(sight), sight.heading_deg)
+                at = pixel_place(camera, column + 0.5, camera.cy_px, depth, _pose(sight))
                 points.append((round(at.x, 2), round(at.y, 2)))
     return points
 

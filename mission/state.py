@@ -267,7 +267,7 @@ Stage = Annotated[
 class MissionState(Wire):
     """All that a mission knows between two stops. `key` names the delivery: a trial is begun with it, once.
 
-    `vehicle` is the drone's name, `drone` its state after the last flight; `flight` is flown before `stage` goes on,
+    `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last flight; `flight` is flown before `stage` goes on,
     and `arrived` says whether the last one came to its end. `trail`: the corners flown since the search or the facade
     was left, to go back along. `memory` is the search policy's own; `silent_looks` counts useless answers in a row.
     `counted_at`: the number of moves when a stop was counted last: several questions at one place are one stop.
@@ -281,7 +281,7 @@ class MissionState(Wire):
     floor: int | None = None
     object: str | None = None
     vehicle: Name | None = None
-    vehicle_kind: str | None = None
+    renderer: str | None = None
     drone: VehicleState | None = None
     flight: PlannedFlight | None = None
     arrived: bool = True

@@ -65,6 +65,10 @@ class Trial(Protocol):
         """The vehicle of that name, of a trial that was begun before, perhaps by another process."""
         ...
 
+    async def renderer(self, vehicle: str) -> str | None:
+        """Who draws its pictures."""
+        ...
+
     async def claim(self, vehicle: str, target: Point3 | None) -> Verdict:
         """The mission says: this is the window. Ends the trial; the first claim counts."""
         ...

@@ -15,7 +15,7 @@ from navigation.camera import (
     Pose,
     cloud,
     nearest_of_blocks,
-    pinhole,
+    pixels_of,
     to_enu,
 )
 from navigation.target import Box, Target
@@ -216,14 +216,8 @@ def _looked_through(a: Place, b: Place, views: Sequence[DepthView], pose: Pose, 
     gap = places - np.array([pose.x, pose.y, pose.z])
     seen = np.linalg.norm(gap, axis=1) <= settings.unseen_m
     for view in views:
-        height, width = view.depth_m.shape
-        camera = pinhole(width, height)
-        angle = pose.yaw - math.radians(view.heading_deg)
-        forward = gap[:, 0] * math.cos(angle) + gap[:, 1] * math.sin(angle)
-        right = gap[:, 0] * math.sin(angle) - gap[:, 1] * math.cos(angle)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = right / forward * camera.focal_px + width / 2.0
-            y = height / 2.0 - gap[:, 2] / forward * camera.focal_px
+        width, height = view.camera.width, view.camera.height
+        x, y, forward = pixels_of(view.camera, pose, places)
         inside = (forward > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
         rows, columns = y[inside].astype(np.intp), x[inside].astype(np.intp)
         seen[inside] |= view.depth_m[rows, columns] > forward[inside]

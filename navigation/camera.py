@@ -3,11 +3,12 @@
 Frames used in this package:
 - image: x to the right and y down in pixels, continuous, so that the centre of pixel (row, column) is
   (column + 0.5, row + 0.5);
+- camera frame: metres from the camera; forward along the optical axis, right and up in the picture;
 - nose frame: metres from the drone's centre; x along the nose, y to the right, z up;
 - ENU: metres; x east, y north, z up from the ground; yaw in radians counter-clockwise from east.
 
-View headings and bearings are in degrees, positive to the right. Depth is along the optical axis (planar z).
-All cameras sit in the drone's centre with a level optical axis.
+View headings and bearings are in degrees, positive to the right; pitch in degrees, positive upwards. Depth is along the
+optical axis (planar z).
 """
 
 import functools
@@ -24,17 +25,55 @@ Depth = NDArray[np.float32]
 Points = NDArray[np.float32]
 """(N, 3) metres; each function names the frame."""
 
+LEVEL_DEG = 1.0
+"""A camera whose optical axis is tilted by no more than this counts as level."""
 
-class Pinhole(NamedTuple):
-    """An ideal camera with square pixels and its principal point in the picture's middle."""
+
+class Camera(NamedTuple):
+    """An ideal pinhole camera (in pixels) and how it is mounted: heading and pitch in degrees, and where it sits in the
+    nose frame, metres from the drone's centre."""
 
     width: int
     height: int
-    focal_px: float
+    fx_px: float
+    fy_px: float
+    cx_px: float
+    cy_px: float
+    heading_deg: float = 0.0
+    pitch_deg: float = 0.0
+    forward_m: float = 0.0
+    right_m: float = 0.0
+    up_m: float = 0.0
 
     @property
-    def vertical_fov_rad(self) -> float:
-        return 2.0 * math.atan(self.height / 2.0 / self.focal_px)
+    def is_level(self) -> bool:
+        """Does it look at the horizon, the picture's columns upright? Views along the facade are read from such."""
+        return abs(self.pitch_deg) <= LEVEL_DEG and 0.0 < self.cy_px < self.height
+
+    @property
+    def is_offset(self) -> bool:
+        """Does it sit anywhere but in the drone's centre?"""
+        return (self.forward_m, self.right_m, self.up_m) != (0.0, 0.0, 0.0)
+
+    @property
+    def left_deg(self) -> float:
+        """Bearing of the picture's left edge from the nose, for a level camera."""
+        return self.heading_deg + bearing_deg(self, 0.0)
+
+    @property
+    def right_deg(self) -> float:
+        """Bearing of the picture's right edge from the nose, for a level camera."""
+        return self.heading_deg + bearing_deg(self, float(self.width))
+
+    @property
+    def up_slope(self) -> float:
+        """Height above the optical axis that the picture's upper edge sees per metre of depth."""
+        return self.cy_px / self.fy_px
+
+    @property
+    def down_slope(self) -> float:
+        """Height below the optical axis that the picture's lower edge sees per metre of depth."""
+        return (self.height - self.cy_px) / self.fy_px
 
 
 class Pose(NamedTuple):
@@ -55,36 +94,55 @@ class Place(NamedTuple):
 
 
 class DepthView(NamedTuple):
-    """One camera's depth; `heading_deg` relative to the nose, positive to the right."""
+    """One camera's depth."""
 
-    heading_deg: float
+    camera: Camera
     depth_m: Depth
 
+    @property
+    def heading_deg(self) -> float:
+        return self.camera.heading_deg
 
-def pinhole(width: int, height: int, horizontal_fov_deg: float = 90.0) -> Pinhole:
-    """f = (W / 2) / tan(FoV / 2): W / 2 at 90 degrees. Raises ValueError for a size or an angle that no camera has."""
+
+class Pixels(NamedTuple):
+    """(N,) image positions of points, and their planar depth; meaningless where that is not positive."""
+
+    x_px: NDArray[np.float64]
+    y_px: NDArray[np.float64]
+    depth_m: NDArray[np.float64]
+
+
+def pinhole(width: int, height: int, horizontal_fov_deg: float, heading_deg: float = 0.0) -> Camera:
+    """Square pixels, the principal point in the picture's middle, in the drone's centre and level:
+    f = (W / 2) / tan(FoV / 2). Raises ValueError for a size or an angle that no camera has."""
     if width < 1 or height < 1:
         raise ValueError(f"a picture has at least one pixel each way, not {width} x {height}")
     if not 0.0 < horizontal_fov_deg < 180.0:
         raise ValueError(f"a pinhole's field of view lies between 0 and 180 degrees, not {horizontal_fov_deg:g}")
-    return Pinhole(width, height, width / 2.0 / math.tan(math.radians(horizontal_fov_deg) / 2.0))
+    focal_px = round(width / 2.0 / math.tan(math.radians(horizontal_fov_deg) / 2.0), 9)  # 90 degrees: W / 2 to the bit
+    return Camera(width, height, focal_px, focal_px, width / 2.0, height / 2.0, heading_deg)
 
 
-def column_slopes(camera: Pinhole) -> NDArray[np.float32]:
+def column_slopes(camera: Camera) -> NDArray[np.float32]:
     """(W,) tangent of each pixel column's bearing from the optical axis, positive to the right."""
     x = np.arange(camera.width, dtype=np.float64) + 0.5
-    return ((x - camera.width / 2.0) / camera.focal_px).astype(np.float32)
+    return ((x - camera.cx_px) / camera.fx_px).astype(np.float32)
 
 
-def row_slopes(camera: Pinhole) -> NDArray[np.float32]:
+def row_slopes(camera: Camera) -> NDArray[np.float32]:
     """(H,) height above the optical axis per metre of depth of each pixel row, positive upwards."""
     y = np.arange(camera.height, dtype=np.float64) + 0.5
-    return ((camera.height / 2.0 - y) / camera.focal_px).astype(np.float32)
+    return ((camera.cy_px - y) / camera.fy_px).astype(np.float32)
 
 
-def bearing_deg(camera: Pinhole, x_px: float) -> float:
+def horizon_rows(camera: Camera) -> slice:
+    """The row of a level camera that sees the horizon, or the two beside it."""
+    return slice(max(0, math.ceil(camera.cy_px) - 1), min(camera.height, math.floor(camera.cy_px) + 1))
+
+
+def bearing_deg(camera: Camera, x_px: float) -> float:
     """Bearing of image position `x_px` from the optical axis, positive to the right."""
-    return math.degrees(math.atan((x_px - camera.width / 2.0) / camera.focal_px))
+    return math.degrees(math.atan((x_px - camera.cx_px) / camera.fx_px))
 
 
 def planar_to_distance_m(depth_m: float, from_axis_deg: float) -> float:
@@ -104,25 +162,54 @@ def wrap_radians(angle: float) -> float:
     return math.pi if turned == -math.pi else turned
 
 
-def pixel_place(
-    camera: Pinhole, x_px: float, y_px: float, depth_m: float, pose: Pose, heading_deg: float = 0.0
-) -> Place:
-    """ENU place of image position (x_px, y_px) at planar depth `depth_m` in the view at `heading_deg`."""
-    forward = direction(pose.yaw, heading_deg)
+def pixel_place(camera: Camera, x_px: float, y_px: float, depth_m: float, pose: Pose) -> Place:
+    """ENU place of image position (x_px, y_px) at planar depth `depth_m`."""
+    across = (x_px - camera.cx_px) / camera.fx_px * depth_m
+    up = (camera.cy_px - y_px) / camera.fy_px * depth_m
+    level_m, up = _levelled(camera, depth_m, up)
+    eye = eye_of(camera, pose)
+    forward = direction(pose.yaw, camera.heading_deg)
     right = (forward[1], -forward[0])
-    across = (x_px - camera.width / 2.0) / camera.focal_px * depth_m
-    up = (camera.height / 2.0 - y_px) / camera.focal_px * depth_m
     return Place(
-        pose.x + forward[0] * depth_m + right[0] * across,
-        pose.y + forward[1] * depth_m + right[1] * across,
-        pose.z + up,
+        eye.x + forward[0] * level_m + right[0] * across,
+        eye.y + forward[1] * level_m + right[1] * across,
+        eye.z + up,
+    )
+
+
+def pixels_of(camera: Camera, pose: Pose, places: NDArray[np.floating]) -> Pixels:
+    """Where a camera sees places (N, 3) ENU, whether they lie inside its picture or not."""
+    eye = eye_of(camera, pose)
+    gap = np.asarray(places, np.float64) - np.array(eye)
+    angle = pose.yaw - math.radians(camera.heading_deg)
+    level = gap[:, 0] * math.cos(angle) + gap[:, 1] * math.sin(angle)
+    right = gap[:, 0] * math.sin(angle) - gap[:, 1] * math.cos(angle)
+    forward, up = level, gap[:, 2]
+    if camera.pitch_deg:
+        cos, sin = math.cos(math.radians(camera.pitch_deg)), math.sin(math.radians(camera.pitch_deg))
+        forward, up = level * cos + up * sin, up * cos - level * sin
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Pixels(
+            right / forward * camera.fx_px + camera.cx_px, camera.cy_px - up / forward * camera.fy_px, forward
+        )
+
+
+def eye_of(camera: Camera, pose: Pose) -> Place:
+    """Where the camera is, ENU."""
+    if not camera.is_offset:
+        return Place(pose.x, pose.y, pose.z)
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    return Place(
+        pose.x + camera.forward_m * cos + camera.right_m * sin,
+        pose.y + camera.forward_m * sin - camera.right_m * cos,
+        pose.z + camera.up_m,
     )
 
 
 def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
     """(N, 3) nose frame: every finite return of a view, or those of them where `mask` (H, W) holds."""
-    height, width = view.depth_m.shape
-    camera = pinhole(width, height)
+    camera = view.camera
+    width = camera.width
     kept = np.isfinite(view.depth_m)
     if mask is not None:
         kept &= mask
@@ -132,25 +219,53 @@ def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
     depth = view.depth_m.ravel()[at]
     across = depth * column_slopes(camera)[columns]
     up = depth * row_slopes(camera)[rows]
-    angle = math.radians(view.heading_deg)
+    if camera.pitch_deg:
+        depth, up = _levelled_array(camera, depth, up)
+    angle = math.radians(camera.heading_deg)
     cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
     points = np.empty((3, len(at)), np.float32).T  # axis by axis in memory, as everything that reads it goes
     np.subtract(depth * cos, across * sin, out=points[:, 0])
     np.add(depth * sin, across * cos, out=points[:, 1])
     points[:, 2] = up
+    if camera.is_offset:
+        points += np.array((camera.forward_m, camera.right_m, camera.up_m), np.float32)
     return points
 
 
 def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m: float) -> Points:
-    """(N, 3) nose frame: the returns of all views up to a planar depth, and no more than so far above or below."""
-    parts = []
-    for view in views:
-        height, width = view.depth_m.shape
-        slopes = np.abs(row_slopes(pinhole(width, height)))
-        with np.errstate(divide="ignore"):
-            limit = np.minimum(np.float32(half_height_m) / slopes, np.float32(depth_limit_m))
-        parts.append(cloud(view, view.depth_m <= limit[:, None]))
+    """(N, 3) nose frame: the returns of all views up to a planar depth, and no more than so far above or below the
+    drone's centre. Cameras that look up or down help: they see what hangs over a corridor or stands under it."""
+    parts = [_nearby(view, depth_limit_m, half_height_m) for view in views]
     return np.concatenate(parts) if parts else np.zeros((0, 3), np.float32)
+
+
+def _nearby(view: DepthView, depth_limit_m: float, half_height_m: float) -> Points:
+    camera = view.camera
+    if camera.pitch_deg or camera.up_m:
+        points = cloud(view, view.depth_m <= np.float32(depth_limit_m))
+        near: Points = points[np.abs(points[:, 2]) <= np.float32(half_height_m)]
+        return near
+    slopes = np.abs(row_slopes(camera))
+    with np.errstate(divide="ignore"):
+        limit = np.minimum(np.float32(half_height_m) / slopes, np.float32(depth_limit_m))
+    return cloud(view, view.depth_m <= limit[:, None])
+
+
+def _levelled(camera: Camera, depth_m: float, up_m: float) -> tuple[float, float]:
+    """A camera-frame depth and height as level distance along the heading and height above the camera."""
+    if not camera.pitch_deg:
+        return depth_m, up_m
+    cos, sin = math.cos(math.radians(camera.pitch_deg)), math.sin(math.radians(camera.pitch_deg))
+    return depth_m * cos - up_m * sin, depth_m * sin + up_m * cos
+
+
+def _levelled_array(
+    camera: Camera, depth_m: NDArray[np.float32], up_m: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The same for arrays, in 32 bits."""
+    cos = np.float32(math.cos(math.radians(camera.pitch_deg)))
+    sin = np.float32(math.sin(math.radians(camera.pitch_deg)))
+    return depth_m * cos - up_m * sin, depth_m * sin + up_m * cos
 
 
 def nearest_of_blocks(view: DepthView, block: int = 4) -> NDArray[np.bool_]:

@@ -10,19 +10,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import Depth, pinhole, row_slopes
+from navigation.camera import Depth, DepthView, row_slopes
 
 
 class Settings(NamedTuple):
     """How a facade is read from depth.
 
-    `centre_share`: the share of columns (and, for the stand-off, rows) about the middle that is used.
+    `half_width_slope`: what is used lies within so many metres of the optical axis per metre of depth, to each side
+    (and, for the stand-off, up and down).
     `min_valid_share`: so many of these pixels must have a return. `recess_m`: how far behind the stand-off upper floors
     may lie (setbacks). `max_lean`: a row is wall while its depth changes by less than this per metre of height; roofs
     and ground lean more. `lean_over_m`: over how much height the lean is measured.
     """
 
-    centre_share: float = 0.2
+    half_width_slope: float = 0.2
     min_valid_share: float = 0.3
     recess_m: float = 4.0
     max_lean: float = 0.35
@@ -32,58 +33,56 @@ class Settings(NamedTuple):
 _NEARER_M = 0.5
 
 
-def stand_off_m(depth_m: Depth, settings: Settings) -> float | None:
-    """Distance to the facade straight ahead: the median planar depth in the middle of the front view.
+def stand_off_m(view: DepthView, settings: Settings) -> float | None:
+    """Distance from a level camera to the facade straight ahead of it: the median planar depth about its optical axis.
 
-    depth_m: (H, W) metres, inf no return, nan invalid. None where too little of the middle has a return.
+    None where too little of the middle has a return.
     """
-    height, width = depth_m.shape
-    patch = depth_m[_middle(height, settings.centre_share), _middle(width, settings.centre_share)]
+    patch = view.depth_m[_middle_rows(view, settings), _middle_columns(view, settings)]
     returns = patch[np.isfinite(patch)]
     if len(returns) < settings.min_valid_share * patch.size:
         return None
     return float(np.median(returns))
 
 
-def facade_top_m(depth_m: Depth, stand_off: float, camera_height_m: float, settings: Settings) -> float | None:
-    """The facade's upper edge above ground, from the front view at `camera_height_m`.
+def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, settings: Settings) -> float | None:
+    """The facade's upper edge above ground, from a level view at `camera_height_m`.
 
     The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
     recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's upper
     edge, or nothing above it is farther off, its top being out of sight, or where most of the middle is invalid; the
     height of the picture's lower edge on the facade where there is no wall in the picture at all.
     """
-    height, width = int(depth_m.shape[0]), int(depth_m.shape[1])
-    strip = depth_m[:, _middle(width, settings.centre_share)]
+    camera = view.camera
+    strip = view.depth_m[:, _middle_columns(view, settings)]
     if np.isnan(strip).mean() > 1.0 - settings.min_valid_share:
         return None
     profile = _row_medians(strip, settings.min_valid_share)
-    heights = profile * row_slopes(pinhole(width, height))
+    heights = profile * row_slopes(camera)
     near = profile <= stand_off + settings.recess_m
-    focal_px = pinhole(width, height).focal_px
-    step = min(height - 1, max(2, math.ceil(settings.lean_over_m * focal_px / stand_off)))
-    upright = np.zeros(height, bool)
+    step = min(camera.height - 1, max(2, math.ceil(settings.lean_over_m * camera.fy_px / stand_off)))
+    upright = np.zeros(camera.height, bool)
     # every row is compared with the one `step` rows below; inf - inf is nan and compares false
     with np.errstate(invalid="ignore", divide="ignore"):
         lean = np.abs(profile[:-step] - profile[step:]) / np.abs(heights[:-step] - heights[step:])
         upright[:-step] = near[:-step] & near[step:] & (lean <= settings.max_lean)
     rows = np.flatnonzero(upright)
     if not len(rows):
-        return max(0.0, camera_height_m - stand_off * height / 2.0 / focal_px)
+        return max(0.0, camera_height_m - stand_off * camera.down_slope)
     top = int(rows[0])
     # a balcony or cornice cut off by the picture's edge breaks the wall without ending it: above a top it is far
     if not (profile[:top] > stand_off + settings.recess_m).any():
         return None
-    return max(0.0, camera_height_m + float(profile[top]) * (height / 2.0 - top) / focal_px)
+    return max(0.0, camera_height_m + float(profile[top]) * (camera.cy_px - top) / camera.fy_px)
 
 
-def wall_at_row_m(depth_m: Depth, row: float, stand_off: float, settings: Settings) -> float:
-    """How far the facade is at a row of the front view (0..1 from the top), planar: the median of the middle columns
+def wall_at_row_m(view: DepthView, row: float, stand_off: float, settings: Settings) -> float:
+    """How far the facade is at a row of a level view (0..1 from the top), planar: the median of the middle columns
     there. The stand-off itself where they show something nearer, such as a balcony, or farther than the allowed
     recess: over a low building the middle of the picture looks at the houses behind it."""
-    height, width = depth_m.shape
+    height = view.camera.height
     at = min(height - 1, max(0, round(row * height)))
-    strip = depth_m[max(0, at - 2) : at + 3, _middle(width, settings.centre_share)]
+    strip = view.depth_m[max(0, at - 2) : at + 3, _middle_columns(view, settings)]
     returns = strip[np.isfinite(strip)]
     if not len(returns):
         return stand_off
@@ -101,6 +100,14 @@ def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:
     return profile
 
 
-def _middle(size: int, share: float) -> slice:
-    half = max(1, round(size * share / 2.0))
-    return slice(max(0, size // 2 - half), size // 2 + half)
+def _middle_columns(view: DepthView, settings: Settings) -> slice:
+    return _about(view.camera.cx_px, view.camera.fx_px * settings.half_width_slope)
+
+
+def _middle_rows(view: DepthView, settings: Settings) -> slice:
+    return _about(view.camera.cy_px, view.camera.fy_px * settings.half_width_slope)
+
+
+def _about(middle_px: float, half_px: float) -> slice:
+    half = max(1, round(half_px))
+    return slice(max(0, int(middle_px) - half), max(1, int(middle_px) + half))

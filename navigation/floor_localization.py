@@ -6,7 +6,6 @@ edge of the wanted floor, and its window lies half a floor below. The variant `c
 camera's height in band i and eq. 3's result for the final height, as a literal reader would.
 """
 
-import math
 from typing import Literal, NamedTuple
 
 _COUNT_TOLERANCE = 1e-6
@@ -41,18 +40,31 @@ class Band(NamedTuple):
     camera_m: float
 
 
+class VerticalView(NamedTuple):
+    """What a level camera sees of an upright facade: so many metres above and below its own height per metre of
+    stand-off (`Camera.up_slope`, `Camera.down_slope`)."""
+
+    up_slope: float
+    down_slope: float
+
+    @property
+    def camera_at(self) -> float:
+        """How far up the seen stretch the camera stands, as a share of it."""
+        return self.down_slope / (self.up_slope + self.down_slope)
+
+
 class WindowRows(NamedTuple):
     """Where a picture shows its floors' windows: `rows`, 0..1 of the height from the top, topmost first, on a facade
-    `stand_off_m` away, seen by a camera at `camera_m` above ground with `vertical_fov_rad`."""
+    `stand_off_m` away, seen by a camera at `camera_m` above ground."""
 
     rows: tuple[float, ...]
     camera_m: float
     stand_off_m: float
-    vertical_fov_rad: float
+    view: VerticalView
 
     def height_m(self, at: int) -> float:
         """Of row number `at`, above ground."""
-        return row_height_m(self.rows[at], self.camera_m, self.stand_off_m, self.vertical_fov_rad)
+        return row_height_m(self.rows[at], self.camera_m, self.stand_off_m, self.view)
 
     @property
     def spacing_m(self) -> float | None:
@@ -96,18 +108,20 @@ class FloorNotFound(NamedTuple):
 Decision = Climb | FinalHeight | Recount | FloorNotFound
 
 
-def band_span_m(stand_off_m: float, vertical_fov_rad: float) -> float:
-    """Height of facade that the front camera sees at once: 2 d tan(VFoV / 2)."""
-    if not stand_off_m > 0.0 or not 0.0 < vertical_fov_rad < math.pi:
-        raise ValueError(f"no band at a stand-off of {stand_off_m} m and a field of view of {vertical_fov_rad} rad")
-    return 2.0 * stand_off_m * math.tan(vertical_fov_rad / 2.0)
+def band_span_m(stand_off_m: float, view: VerticalView) -> float:
+    """Height of facade that the front camera sees at once: 2 d tan(VFoV / 2) where its principal point is in the
+    middle. Raises ValueError for a stand-off or a view that spans nothing."""
+    if not stand_off_m > 0.0 or not view.up_slope > 0.0 or not view.down_slope > 0.0:
+        raise ValueError(f"no band at a stand-off of {stand_off_m} m and with {view}")
+    return stand_off_m * (view.up_slope + view.down_slope)
 
 
-def band(number: int, span_m: float) -> Band:
-    """Band `number`, from 1 at the ground; bands touch and don't overlap, the camera stands at the middle."""
+def band(number: int, span_m: float, camera_at: float = 0.5) -> Band:
+    """Band `number`, from 1 at the ground; bands touch and don't overlap. `camera_at`: how far up the band the camera
+    stands that sees all of it and no more (`VerticalView.camera_at`)."""
     if number < 1:
         raise ValueError(f"bands count from 1, not {number}")
-    return Band(number, (number - 1) * span_m, number * span_m, (number - 0.5) * span_m)
+    return Band(number, (number - 1) * span_m, number * span_m, (number - 1 + camera_at) * span_m)
 
 
 def decide(
@@ -143,7 +157,8 @@ def decide(
         floor_height = facade_top_m / current if current > 0 else None
         guess = None if floor_height is None else facade_top_m - settings.window_below_floors * floor_height
         return FloorNotFound(current, facade_top_m, guess)
-    return Climb(band(here.number + 1, here.upper_m - here.lower_m), current)
+    span_m = here.upper_m - here.lower_m
+    return Climb(band(here.number + 1, span_m, (here.camera_m - here.lower_m) / span_m), current)
 
 
 def rows_of_band(here: WindowRows, below: WindowRows | None, of: Band) -> tuple[float, ...]:
@@ -245,6 +260,6 @@ def direct_count(
     return FinalHeight(max(settings.min_height_m, height), floor_height, total_floors)
 
 
-def row_height_m(row: float, camera_height_m: float, stand_off_m: float, vertical_fov_rad: float) -> float:
+def row_height_m(row: float, camera_height_m: float, stand_off_m: float, view: VerticalView) -> float:
     """Height above ground of image row `row` (0..1 from the top) on an upright facade at `stand_off_m`."""
-    return camera_height_m + (1.0 - 2.0 * row) * stand_off_m * math.tan(vertical_fov_rad / 2.0)
+    return camera_height_m + stand_off_m * (view.up_slope - row * (view.up_slope + view.down_slope))

@@ -6,7 +6,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from navigation.camera import DepthView, Points, bearing_deg, nearby_cloud, pinhole, planar_to_distance_m
+from navigation.camera import DepthView, Points, bearing_deg, nearby_cloud, planar_to_distance_m
 
 LABELS = ("a", "b", "c", "d", "e")
 Variant = Literal["corridor", "bare"]
@@ -48,13 +48,14 @@ class MarkedPoint(NamedTuple):
 
 
 def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Settings) -> tuple[MarkedPoint, ...]:
-    """Eq. 7 for the points at x = W k / 6 (k = 1..5, labelled a-e) on the middle row of `view`.
+    """Eq. 7 for the points at x = W k / 6 (k = 1..5, labelled a-e) on the horizon of `view`, which must be level.
 
-    `others` are further views of the same moment; the corridor uses their returns where it leaves the picture.
-    A point without any valid pixel about it is unknown, and an unknown way is 0 m long.
+    `others` are further views of the same moment, level or not; the corridor uses their returns where it leaves the
+    picture. A point without any valid pixel about it is unknown, and an unknown way is 0 m long.
     """
-    height, width = view.depth_m.shape
-    camera = pinhole(width, height)
+    camera = view.camera
+    if not camera.is_level:
+        raise ValueError(f"the view's camera looks {camera.pitch_deg:g} degrees up: a level one sees the horizon")
     reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
     points, radius = None, 0.0
     if settings.variant == "corridor":
@@ -64,16 +65,16 @@ def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Setti
         points = np.asfortranarray(points)
     marked = []
     for k, label in enumerate(LABELS, start=1):
-        x_px = width * k / 6.0
+        x_px = camera.width * k / 6.0
         from_axis = bearing_deg(camera, x_px)
-        bearing = view.heading_deg + from_axis
+        bearing = camera.heading_deg + from_axis
         if points is None:
             found = _bare(view, x_px, from_axis, settings)
         elif not _seen(view, x_px):
             found = Corridor(0.0, None, radius)
         else:
             found = corridor(points, bearing, radius, settings.l_max_m)
-        marked.append(MarkedPoint(label, k / 6.0, 0.5, bearing, found))
+        marked.append(MarkedPoint(label, k / 6.0, camera.cy_px / camera.height, bearing, found))
     return tuple(marked)
 
 
@@ -109,8 +110,8 @@ def corridor(points: Points, bearing_right_deg: float, radius: float, l_max_m: f
 
 
 def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: Settings) -> Corridor:
-    height, width = view.depth_m.shape
-    depth = float(view.depth_m[height // 2, min(int(x_px), width - 1)])
+    camera = view.camera
+    depth = float(view.depth_m[int(camera.cy_px), min(int(x_px), camera.width - 1)])
     if math.isnan(depth):
         return Corridor(0.0, None, 0.0)
     if math.isinf(depth):
@@ -120,9 +121,9 @@ def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: Settings
 
 
 def _seen(view: DepthView, x_px: float) -> bool:
-    """Is any pixel valid in the patch (2.5 % of the picture each way) about a point of the middle row?"""
-    height, width = view.depth_m.shape
-    half_x, half_y = max(1, width // 40), max(1, height // 40)
-    column, row = int(x_px), height // 2
+    """Is any pixel valid in the patch (2.5 % of the picture each way) about a point on the horizon?"""
+    camera = view.camera
+    half_x, half_y = max(1, camera.width // 40), max(1, camera.height // 40)
+    column, row = int(x_px), int(camera.cy_px)
     patch = view.depth_m[max(0, row - half_y) : row + half_y, max(0, column - half_x) : column + half_x]
     return not bool(np.isnan(patch).all())

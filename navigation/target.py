@@ -13,7 +13,6 @@ from navigation.camera import (
     Pose,
     cloud,
     direction,
-    pinhole,
     pixel_place,
     to_enu,
     wrap_radians,
@@ -34,16 +33,16 @@ class Settings(NamedTuple):
 
     `inner_share`: the middle of the box that is looked at, each way. `foreground_percentile`: which of its depths is
     the thing's own; low, since the wall behind shows round the thing. `min_pixels`: with fewer valid ones there is no
-    depth. `surroundings`: the facade is fitted in the box grown so many times, at least `min_surroundings_share` of
-    the picture wide. `plane_tolerance_m`: what counts as on the facade's plane. `min_inlier_share`: with fewer on
-    the plane, the facade is taken to face the drone.
+    depth. `surroundings`: the facade is fitted in the box grown so many times, at least `min_surroundings_slope`
+    metres wide per metre of depth. `plane_tolerance_m`: what counts as on the facade's plane. `min_inlier_share`: with
+    fewer on the plane, the facade is taken to face the drone.
     """
 
     inner_share: float = 0.5
     foreground_percentile: float = 35.0
     min_pixels: int = 3
     surroundings: float = 3.0
-    min_surroundings_share: float = 0.25
+    min_surroundings_slope: float = 0.5
     plane_tolerance_m: float = 0.15
     min_inlier_share: float = 0.25
 
@@ -75,9 +74,9 @@ def box_place(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Plac
     depth = box_depth_m(view, box, settings)
     if depth is None:
         return None
-    height, width = view.depth_m.shape
-    x_px, y_px = (box.x_min + box.x_max) / 2 * width, (box.y_min + box.y_max) / 2 * height
-    return pixel_place(pinhole(width, height), x_px, y_px, depth, pose, view.heading_deg)
+    camera = view.camera
+    x_px, y_px = (box.x_min + box.x_max) / 2 * camera.width, (box.y_min + box.y_max) / 2 * camera.height
+    return pixel_place(camera, x_px, y_px, depth, pose)
 
 
 def locate(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Target | None:
@@ -89,7 +88,7 @@ def locate(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Target 
     points = to_enu(cloud(view, _surroundings(view, box, settings)), pose)
     sight = math.atan2(place.y - pose.y, place.x - pose.x)
     if place.x == pose.x and place.y == pose.y:
-        sight = math.atan2(*reversed(direction(pose.yaw, view.heading_deg)))
+        sight = math.atan2(*reversed(direction(pose.yaw, view.camera.heading_deg)))
     near = np.abs(points[:, 2] - place.z) < 3.0
     normal, share = facade_normal(points[near, :2], (math.cos(sight + math.pi), math.sin(sight + math.pi)), settings)
     facing = wrap_radians(math.atan2(-normal[1], -normal[0]))
@@ -161,14 +160,15 @@ def _inner(view: DepthView, box: Box, settings: Settings) -> tuple[slice, slice]
 
 
 def _surroundings(view: DepthView, box: Box, settings: Settings) -> NDArray[np.bool_]:
-    height, width = view.depth_m.shape
-    half = 0.5 * max(
-        settings.surroundings * max(box.x_max - box.x_min, box.y_max - box.y_min), settings.min_surroundings_share
-    )
+    camera = view.camera
+    wide = (box.x_max - box.x_min) * camera.width / camera.fx_px
+    high = (box.y_max - box.y_min) * camera.height / camera.fy_px
+    half = 0.5 * max(settings.surroundings * max(wide, high), settings.min_surroundings_slope)
+    half_x, half_y = half * camera.fx_px / camera.width, half * camera.fy_px / camera.height
     x, y = (box.x_min + box.x_max) / 2, (box.y_min + box.y_max) / 2
-    mask = np.zeros((height, width), bool)
-    rows = _pixels(max(0.0, y - half), min(1.0, y + half), height)
-    columns = _pixels(max(0.0, x - half), min(1.0, x + half), width)
+    mask = np.zeros((camera.height, camera.width), bool)
+    rows = _pixels(max(0.0, y - half_y), min(1.0, y + half_y), camera.height)
+    columns = _pixels(max(0.0, x - half_x), min(1.0, x + half_x), camera.width)
     mask[rows, columns] = True
     return mask
 

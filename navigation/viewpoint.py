@@ -64,14 +64,23 @@ class ViewScore(NamedTuple):
     best: Split | None
 
 
-class Choice(NamedTuple):
-    """`reason`: `split` (eq. 6), `no_split` (default view, d_max raised for the next step), or the ablation."""
+class Sliced(NamedTuple):
+    """A level view as eq. 4 takes it: its heading, and its slices' means from the picture's left to its right."""
 
-    heading_deg: int
+    heading_deg: float
+    means_m: Sequence[float] | NDArray[np.float64]
+
+
+class Choice(NamedTuple):
+    """The chosen view, by its camera's name. `reason`: `split` (eq. 6), `no_split` (default view, d_max raised for the
+    next step), or the ablation."""
+
+    name: str
+    heading_deg: float
     reason: Literal["split", "no_split", "random", "default"]
     d_max_m: float
     d_max_next_m: float
-    scores: Mapping[int, ViewScore]
+    scores: Mapping[str, ViewScore]
 
 
 def row_range(y_min: float, y_max: float, height: int) -> tuple[int, int]:
@@ -145,33 +154,40 @@ def score_view(means_m: Sequence[float] | NDArray[np.float64], settings: Setting
 
 
 def choose_view(
-    means_m: Mapping[int, Sequence[float] | NDArray[np.float64]],
+    views: Mapping[str, Sliced],
     settings: Settings,
     d_max_m: float | None,
     generator: np.random.Generator,
 ) -> Choice:
-    """Eq. 6 over the views' slice means, keyed by heading in degrees; `d_max_m` is what the last choice handed on.
+    """Eq. 6 over the level views, keyed by their cameras' names; `d_max_m` is what the last choice handed on.
 
     The largest j* wins; of equals the smaller within-part variance, then the view farther towards the building's side.
     Without a valid split: the view farthest towards the building's side (+90 clockwise), and d_max rises. The
     ablations: `random` draws a heading from `generator`, `default` takes that same side view; both leave d_max alone.
     Raises ValueError for no views.
     """
-    if not means_m:
+    if not views:
         raise ValueError("a viewpoint is chosen from at least one view")
     d_max = settings.d_max_m if d_max_m is None else d_max_m
     side = 1 if settings.direction == "clockwise" else -1
-    scores = {heading: score_view(means, settings, d_max) for heading, means in means_m.items()}
-    default = max(scores, key=lambda heading: side * heading)
+    names = sorted(views, key=lambda name: views[name].heading_deg)
+    scores = {name: score_view(views[name].means_m, settings, d_max) for name in names}
+    default = max(names, key=lambda name: side * views[name].heading_deg)
     if settings.policy == "random":
-        return Choice(int(generator.choice(sorted(scores))), "random", d_max, d_max, scores)
+        drawn = names[int(generator.choice(len(names)))]
+        return Choice(drawn, views[drawn].heading_deg, "random", d_max, d_max, scores)
     if settings.policy == "default":
-        return Choice(default, "default", d_max, d_max, scores)
-    found = [(score.best.j, -score.best.variance_m2, side * heading) for heading, score in scores.items() if score.best]
+        return Choice(default, views[default].heading_deg, "default", d_max, d_max, scores)
+    found = [
+        (score.best.j, -score.best.variance_m2, side * views[name].heading_deg, name)
+        for name, score in scores.items()
+        if score.best
+    ]
     if not found:
         raised = max(d_max, min(d_max + settings.d_max_step_m, settings.d_max_limit_m))
-        return Choice(default, "no_split", d_max, raised, scores)
-    return Choice(side * max(found)[2], "split", d_max, settings.d_max_m, scores)
+        return Choice(default, views[default].heading_deg, "no_split", d_max, raised, scores)
+    best = max(found)[3]
+    return Choice(best, views[best].heading_deg, "split", d_max, settings.d_max_m, scores)
 
 
 def _mean_and_spread(

@@ -1,15 +1,8 @@
-"""`python -m orchestrator`: the REST door and the viewer as a process."""
+"""`python -m orchestrator`: deliveries over REST and the viewer, as a process."""
 
-import os
-import sys
-
-from orchestrator.bootstrap import PORT, bootstrap
-from service_kit.run import run
-from service_kit.settings import BadSetting, Settings
+from orchestrator.bootstrap import bootstrap
+from orchestrator.settings import OrchestratorSettings
+from service_kit.run import main
 
 if __name__ == "__main__":
-    try:
-        settings = Settings(os.environ)
-        run(bootstrap(settings), settings, PORT)
-    except BadSetting as error:
-        sys.exit(f"orchestrator: {error}")
+    main("orchestrator", OrchestratorSettings, bootstrap)

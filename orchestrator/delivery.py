@@ -5,7 +5,8 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event, MissionSettings
+from contracts.events import Event
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
 from contracts.sim import EpisodeQuestion
 from mission.mission import Mission

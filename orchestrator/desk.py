@@ -5,7 +5,8 @@ import logging
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Event
+from contracts.events import Event
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
 from mission.ports import Ports
 from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
 from orchestrator.delivery import BadDelivery, Order, Run

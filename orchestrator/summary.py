@@ -3,13 +3,24 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.orchestrator import Delivery, DeliveryResult, Event
+from contracts.events import (
+    ContourEvent,
+    Event,
+    FloorCountEvent,
+    LookEvent,
+    MoveEvent,
+    PlacedEvent,
+    StandOffEvent,
+    VerdictEvent,
+)
+from contracts.geometry import Point3, Pose
+from contracts.orchestrator import Delivery, DeliveryResult
 from mission.record import read_delivery, read_events
 from mission.wording import counted
 
@@ -66,18 +77,21 @@ class Panel(NamedTuple):
 
 
 def _panels(events: Sequence[Event]) -> list[Panel]:
-    counts = [e for e in events if e.kind == "floor_count"]
-    looks = [e for e in events if e.kind == "look"]
-    seen = [e for e in looks if e.phase == "explore" and any(s["accepted"] for s in e.data["sightings"])]
-    floors = f"{counted(counts[-1].data['floors_new'], 'floor')} counted" if counts else "no floor counted"
+    counts = [e for e in events if isinstance(e, FloorCountEvent)]
+    looks = [e for e in events if isinstance(e, LookEvent)]
+    seen = [(e, e.data.accepted.box) for e in looks if e.phase == "explore" and e.data.accepted is not None]
+    floors = counts[-1].data.floors_new if counts else None
     third = Panel("The last marked choice", _named(events, "marked"))
     if seen:
-        box = next(s["box"] for s in seen[-1].data["sightings"] if s["accepted"])
-        middle = ((box["x_min"] + box["x_max"]) / 2, (box["y_min"] + box["y_max"]) / 2)
-        third = Panel("The sighting, closer", _named(seen[-1:], "sighting"), middle)
+        look, box = seen[-1]
+        middle = ((box.x_min + box.x_max) / 2, (box.y_min + box.y_max) / 2)
+        third = Panel("The sighting, closer", _named([look], "sighting"), middle)
     return [
-        Panel("At the foot of the building", _view(e for e in events if e.kind == "stand_off")),
-        Panel(f"Floor count: {floors}", _view(reversed(counts))),
+        Panel("At the foot of the building", _view(e for e in events if isinstance(e, StandOffEvent))),
+        Panel(
+            f"Floor count: {counted(floors, 'floor')} counted" if floors is not None else "Floor count: none",
+            _view(reversed(counts)),
+        ),
         third,
         Panel("Where it ended" if seen else "The last look", _view(looks[-1:])),
     ]
@@ -131,8 +145,8 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
     height, width = canvas.shape[:2]
     cv2.rectangle(canvas, (0, 0), (width - 1, height - 1), LINE, 2)
     _write(canvas, "The way flown, from above", (18, 34), 0.66, INK)
-    track = [(p["x"], p["y"]) for p in track_of(events)]
-    walls = [tuple(p) for e in events if e.kind == "look" for p in e.data["returns"]]
+    track = [(p.x, p.y) for p in track_of(events)]
+    walls = [point for e in events if isinstance(e, LookEvent) for point in e.data.returns]
     if not track:
         return
     near = [w for w in walls if min(math.dist(w, t) for t in track) < 18.0]
@@ -152,12 +166,12 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
     _inspected(canvas, events, at, scale)
     cv2.polylines(canvas, [np.array([at(p) for p in track], np.int32)], False, TRACK, 3, cv2.LINE_AA)
     for event in events:
-        if event.kind == "look" and event.phase == "explore":
-            cv2.circle(canvas, at((event.data["pose"]["x"], event.data["pose"]["y"])), 7, TRACK, -1, cv2.LINE_AA)
+        if isinstance(event, LookEvent) and event.phase == "explore":
+            cv2.circle(canvas, at((event.data.pose.x, event.data.pose.y)), 7, TRACK, -1, cv2.LINE_AA)
     cv2.circle(canvas, at(track[0]), 11, INK, -1, cv2.LINE_AA)
     _write(canvas, "start", (at(track[0])[0] + 16, at(track[0])[1] + 22), 0.56, INK)
-    result = next((e.data for e in reversed(events) if e.kind == "verdict"), None)
-    end = GOOD if result and result.get("delivered") else BAD
+    verdict = next((e.data for e in reversed(events) if isinstance(e, VerdictEvent)), None)
+    end = GOOD if verdict is not None and verdict.delivered else BAD
     cv2.circle(canvas, at(track[-1]), 11, end, -1, cv2.LINE_AA)
     ten = round(10 * scale)
     cv2.line(canvas, (width - 30 - ten, height - 22), (width - 30, height - 22), SOFT, 2)
@@ -168,12 +182,12 @@ def _inspected(
     canvas: Canvas, events: Sequence[Event], at: Callable[[Sequence[float]], tuple[int, int]], scale: float
 ) -> None:
     """The contour explorer's last map: facade inspected, not yet inspected, and expected out of sight."""
-    last = next((e.data["explore"]["drawing"] for e in reversed(events) if e.kind == "contour"), None)
+    last = next((e.data.explore.drawing for e in reversed(events) if isinstance(e, ContourEvent)), None)
     if last is None:
         return
-    half = max(2, round(last["cell_m"] * scale / 2))
-    for part, colour in (("expected", LINE), ("uninspected", WAITING), ("inspected", GOOD)):
-        for point in last[part]:
+    half = max(2, round(last.cell_m * scale / 2))
+    for points, colour in ((last.expected, LINE), (last.uninspected, WAITING), (last.inspected, GOOD)):
+        for point in points:
             x, y = at(point)
             cv2.rectangle(canvas, (x - half, y - half), (x + half, y + half), colour, -1)
     for (x, text), colour in zip(
@@ -183,13 +197,12 @@ def _inspected(
         _write(canvas, text, (x + 20, 35), 0.5, SOFT)
 
 
-def track_of(events: Sequence[Event]) -> list[dict[str, Any]]:
+def track_of(events: Sequence[Event]) -> list[Pose | Point3]:
     """The poses and way points of a record, in the order flown."""
-    track: list[dict[str, Any]] = [e.data["pose"] for e in events if e.kind == "placed"]
+    track: list[Pose | Point3] = [e.data.pose for e in events if isinstance(e, PlacedEvent)]
     for event in events:
-        if event.kind == "move":
-            reached = event.data["path"] if event.data["reached"] else []
-            track += [*reached[:-1], event.data["to"]]
+        if isinstance(event, MoveEvent):
+            track += [*event.data.corners, event.data.to]
     return track
 
 

@@ -4,12 +4,13 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic import BaseModel
 
-from service_kit.auth import BearerAuth
+from contracts.health import Health
+from service_kit.auth import BearerAuth, access_of
 from service_kit.errors import Unavailable, install_error_renderer
 from service_kit.limits import BodyLimit
 from service_kit.metrics import HttpMetrics, MetricsMiddleware
@@ -18,13 +19,6 @@ Check = Callable[[], Awaitable[str | None]]
 """A readiness check: null when all is well, else what is wrong (no secrets)."""
 
 CHECK_TIMEOUT_S = 2.0
-
-
-class Health(BaseModel):
-    status: str
-    service: str
-    checks: dict[str, str] = {}
-    about: dict[str, str] = {}
 
 
 def create_app(
@@ -60,8 +54,9 @@ def create_app(
         return Health(status="ok", service=service)
 
     @app.get("/readyz", tags=["health"])
-    async def readyz() -> Health:
-        """Everything this service needs answers; 503 with the reasons where it doesn't."""
+    async def readyz(request: Request) -> Health:
+        """Everything this service needs answers; 503 with the reasons where it doesn't. `access` says whether the
+        token of this very request, if it has one, opens the other routes."""
         needed, noted = dict(checks or {}), dict(notes or {})
         named = noted | needed
         found = await asyncio.gather(*(_ask(check) for check in named.values()))
@@ -70,7 +65,8 @@ def create_app(
         if wrong:
             bad = "; ".join(f"{name}: {states[name]}" for name in wrong)
             raise Unavailable(f"{service} is not ready: {bad}", code="not_ready", details={"checks": states})
-        return Health(status="ready", service=service, checks=states, about=dict(about or {}))
+        access = access_of(request.scope)
+        return Health(status="ready", service=service, access=access, checks=states, about=dict(about or {}))
 
     @app.get("/metrics", tags=["health"], response_class=Response)
     async def metrics_page() -> Response:

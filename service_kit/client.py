@@ -15,6 +15,8 @@ import aiohttp
 from pydantic import BaseModel, ValidationError
 
 from contracts.errors import ErrorBody
+from contracts.health import Health
+from service_kit.connections import TOKEN_VARIABLES
 from service_kit.settings import without_password
 
 M = TypeVar("M", bound=BaseModel)
@@ -102,11 +104,29 @@ class ServiceClient:
 
     async def ready(self, timeout_s: float = 2.0) -> str | None:
         """Null when `/readyz` says so, else what is wrong."""
+        found = await self._health(timeout_s)
+        return found if isinstance(found, str) else None
+
+    async def usable(self, timeout_s: float = 2.0) -> str | None:
+        """Null when the service is ready and accepts our token, else what is wrong and what to do."""
+        health = await self._health(timeout_s)
+        if isinstance(health, str):
+            return health
+        variable = TOKEN_VARIABLES.get(self._service, "its token")
+        if health.access == "missing_token":
+            return f"asks for a token; set {variable} or {variable}_FILE here to the one it was started with"
+        if health.access == "wrong_token":
+            return f"refuses the token of {variable}; set it here to the one that the service was started with"
+        return None
+
+    async def _health(self, timeout_s: float) -> Health | str:
+        """What the service says of itself, or what is wrong."""
         try:
-            status, data = await self._exchange("GET", "/readyz", None, None, timeout_s)
-        except Unreachable as error:
+            return await self.call("GET", "/readyz", Health, timeout_s=timeout_s)
+        except Refused as error:
+            return error.reason
+        except CallError as error:
             return error.message
-        return None if status == 200 else self._refused(status, data).reason
 
     async def close(self) -> None:
         if self._session is not None:

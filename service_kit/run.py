@@ -9,13 +9,21 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
+from typing import TypeVar
 
 import uvicorn
 from starlette.types import ASGIApp
 
-from service_kit.settings import Settings
+from service_kit.connections import Connections
+from service_kit.settings import BadSetting, ServiceSettings, process_environment
 
 PARENT_WATCH_S = 0.5
+
+log = logging.getLogger("service_kit.run")
+
+
+S = TypeVar("S", bound=ServiceSettings)
 
 
 class JsonLines(logging.Formatter):
@@ -40,16 +48,26 @@ def set_up_logging(level: str) -> None:
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
 
 
-def run(app: ASGIApp, settings: Settings, default_port: int) -> None:
-    """Serve until SIGTERM or SIGINT. `HOST`, `PORT` and `LOG_LEVEL` come from the settings. Where `PARENT_PID` names
-    the process that started this one, the service ends with it, however that ended."""
-    set_up_logging(settings.choice("LOG_LEVEL", "warning", ("debug", "info", "warning", "error")))
-    parent = settings.integer("PARENT_PID", 0, 0, 2**31 - 1)
-    if parent:
-        threading.Thread(target=_end_with, args=(parent,), name="parent", daemon=True).start()
-    host = settings.text("HOST", "127.0.0.1") or "127.0.0.1"
-    port = settings.integer("PORT", default_port, 1, 65535)
-    server = uvicorn.Server(server_config(app, host, port, timeout_graceful_shutdown=5))
+def main(service: str, kind: type[S], bootstrap: Callable[[S], ASGIApp]) -> None:
+    """A service's process: its settings, its app, and serving until the end. Raises SystemExit with one line where the
+    settings are wrong."""
+    environment = process_environment()
+    try:
+        settings = kind.read(environment)
+        set_up_logging(settings.log_level)
+        for sentence in kind.unknown(environment, Connections.names()):
+            log.warning(sentence)
+        app = bootstrap(settings)
+    except BadSetting as error:
+        raise SystemExit(f"{service} can't start: {error}") from None
+    run(app, settings)
+
+
+def run(app: ASGIApp, settings: ServiceSettings) -> None:
+    """Serve until SIGTERM or SIGINT."""
+    if settings.parent_pid:
+        threading.Thread(target=_end_with, args=(settings.parent_pid,), name="parent", daemon=True).start()
+    server = uvicorn.Server(server_config(app, settings.host, settings.port, timeout_graceful_shutdown=5))
     # what is there by now stays: nobody needs to look through it again and again for what may be thrown away, and
     # what requests leave behind in circles can wait until there is more of it
     gc.collect()

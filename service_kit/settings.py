@@ -1,68 +1,162 @@
-"""Settings out of an environment that is handed in; secrets may lie in files."""
+"""Typed settings of a process, read out of an environment that is handed in.
 
-from collections.abc import Mapping
+A service declares one `Settings` class; each field is one variable, named like the field in capitals. The class is all
+there is to know about them: type, default, bounds and meaning. A field of type `Secret` or `Token` may also be given as
+a file, named by `<VARIABLE>_FILE`. Which variables exist is documented in `docs/configuration.md`, written from the
+classes.
+"""
+
+import difflib
+import os
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args, get_origin
 from urllib.parse import urlsplit, urlunsplit
+
+from annotated_types import Ge, Le
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, SecretStr, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticUndefined
+
+NEARLY_ALIKE = 0.85
+"""From this similarity (0..1, `difflib`) on an unknown variable is taken for a misspelt one."""
 
 
 class BadSetting(Exception):
     """A setting that can't be used; the message names it and says what would have been right."""
 
 
-class Settings:
-    """Typed look-ups in `environment` (normally `os.environ`, handed in by the process's entry point)."""
+def _http_address(value: str) -> str:
+    parts = urlsplit(value)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise ValueError("give an http:// or https:// address")
+    return value.rstrip("/")
 
-    def __init__(self, environment: Mapping[str, str]) -> None:
-        self._environment = environment
 
-    def text(self, name: str, default: str | None = None) -> str | None:
-        """The value, or that of the file named by `<name>_FILE`, or the default; empty counts as not set."""
-        value = self._environment.get(name)
-        if value:
-            return value
-        path = self._environment.get(f"{name}_FILE")
-        if path:
-            try:
-                return Path(path).read_text(encoding="utf-8").strip() or default
-            except OSError as error:
-                raise BadSetting(f"{name}_FILE={path}: {error.strerror}; name a readable file") from None
-        return default
+def _fit_for_a_header(value: SecretStr) -> SecretStr:
+    token = value.get_secret_value()
+    if not token.isascii() or not token.isprintable() or " " in token:
+        raise ValueError("a token is printable ASCII without spaces or line breaks")
+    return value
 
-    def required(self, name: str) -> str:
-        value = self.text(name)
-        if value is None:
-            raise BadSetting(f"{name} is not set; set it or {name}_FILE")
-        return value
 
-    def integer(self, name: str, default: int, low: int, high: int) -> int:
-        return int(self._number(name, default, low, high, int))
+HttpAddress = Annotated[str, AfterValidator(_http_address)]
+"""Where a service listens, without a slash at the end."""
 
-    def number(self, name: str, default: float, low: float, high: float) -> float:
-        return self._number(name, default, low, high, float)
+Secret = SecretStr
+"""A value that is never shown, and may lie in a file."""
 
-    def flag(self, name: str, default: bool = False) -> bool:
-        value = (self.text(name) or "").lower()
-        if value in ("", "1", "true", "yes", "on", "0", "false", "no", "off"):
-            return default if not value else value in ("1", "true", "yes", "on")
-        raise BadSetting(f"{name}={value}: say on or off")
+Token = Annotated[SecretStr, AfterValidator(_fit_for_a_header)]
+"""A secret that is sent in an HTTP header."""
 
-    def choice(self, name: str, default: str, allowed: tuple[str, ...]) -> str:
-        value = self.text(name, default) or default
-        if value not in allowed:
-            raise BadSetting(f"{name}={value}: choose one of {', '.join(allowed)}")
-        return value
 
-    def _number(self, name: str, default: float, low: float, high: float, kind: type[int] | type[float]) -> float:
-        value = self.text(name)
-        if value is None:
-            return default
+class Variable(NamedTuple):
+    """One environment variable, for a person: `kind` is its type with its bounds, `default` is empty where unset."""
+
+    name: str
+    kind: str
+    default: str
+    meaning: str
+    secret: bool
+
+
+class Settings(BaseModel):
+    """The settings of one process. `prefixes` mark variables that can only be meant for it."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, protected_namespaces=())
+    prefixes: ClassVar[tuple[str, ...]] = ()
+
+    @classmethod
+    def read(cls, environment: Mapping[str, str]) -> Self:
+        """The settings in `environment`; empty counts as not set. Raises BadSetting, which names every wrong variable
+        and what would be right."""
+        given: dict[str, str] = {}
+        for field, info in cls.model_fields.items():
+            value = environment.get(field.upper()) or (secret(environment, field.upper()) if _secret(info) else None)
+            if value:
+                given[field] = value
         try:
-            number = kind(value)
-        except ValueError:
-            number = float("nan")
-        if not low <= number <= high:
-            raise BadSetting(f"{name}={value}: give a number from {low:g} to {high:g}")
-        return number
+            return cls.model_validate(given)
+        except ValidationError as error:
+            raise BadSetting("; ".join(cls._problem(one, environment) for one in error.errors())) from None
+
+    @classmethod
+    def variables(cls) -> tuple[Variable, ...]:
+        """All variables, in the order of the fields."""
+        return tuple(_variable(field.upper(), info) for field, info in cls.model_fields.items())
+
+    @classmethod
+    def names(cls) -> frozenset[str]:
+        """The names of all variables, those of files included."""
+        names = {variable.name for variable in cls.variables()}
+        return frozenset(names | {f"{variable.name}_FILE" for variable in cls.variables() if variable.secret})
+
+    @classmethod
+    def unknown(cls, environment: Mapping[str, str], others: frozenset[str] = frozenset()) -> list[str]:
+        """A sentence for every variable that is none, but begins like one of these or is spelt nearly alike. `others`
+        are names that belong to somebody else."""
+        names = cls.names()
+        said = []
+        for name in sorted(environment.keys() - names - others):
+            nearest = difflib.get_close_matches(name, names, 1, NEARLY_ALIKE)
+            if nearest or name.startswith(cls.prefixes):
+                meant = nearest or difflib.get_close_matches(name, names, 1)
+                hint = f"; did you mean {meant[0]}?" if meant else ""
+                said.append(f"{name} is set, but there is no such setting{hint}")
+        return said
+
+    @classmethod
+    def _problem(cls, error: ErrorDetails, environment: Mapping[str, str]) -> str:
+        field = str(error["loc"][0])
+        name = field.upper()
+        info = cls.model_fields[field]
+        if error["type"] == "missing":
+            return f"{name} is not set; set it" + (f" or {name}_FILE" if _secret(info) else "")
+        right = str(error["ctx"]["error"]) if error["type"] == "value_error" else _right(info)
+        if not _secret(info):
+            return f"{name}={environment[name]}: {right}"
+        # the secret itself is not shown
+        return f"{name}: {right}" if environment.get(name) else f"{name}_FILE={environment[name + '_FILE']}: {right}"
+
+
+class ServiceSettings(Settings):
+    """What every service's process reads; a service adds its own fields, and its own default of `port`."""
+
+    host: str = Field("127.0.0.1", description="The address to listen at; `0.0.0.0` in a container.")
+    port: int = Field(8000, ge=1, le=65535, description="The TCP port to listen at.")
+    log_level: Literal["debug", "info", "warning", "error"] = Field(
+        "warning", description="The least severe log lines that are written (JSON, to standard error)."
+    )
+    parent_pid: int = Field(
+        0, ge=0, le=2**31 - 1, description="The process that started this one: the service ends with it. 0: none."
+    )
+
+
+def secret(environment: Mapping[str, str], name: str) -> str | None:
+    """The variable's value, or what the file holds that `<name>_FILE` names, or null. Raises BadSetting where the file
+    can't be read or is empty."""
+    value, path = environment.get(name), environment.get(f"{name}_FILE")
+    if value or not path:
+        return value or None
+    try:
+        value = Path(path).expanduser().read_text(encoding="utf-8").strip()
+    except OSError as error:
+        raise BadSetting(f"{name}_FILE={path}: {error.strerror}; name a readable file") from None
+    except UnicodeDecodeError:
+        raise BadSetting(f"{name}_FILE={path}: not a text file; name one that holds the secret alone") from None
+    if not value:
+        raise BadSetting(f"{name}_FILE={path}: the file is empty; write the secret into it")
+    return value
+
+
+def process_environment() -> dict[str, str]:
+    """This process's environment: the only place where it is read."""
+    return dict(os.environ)
+
+
+def revealed(value: SecretStr | None) -> str | None:
+    """What a secret holds."""
+    return None if value is None else value.get_secret_value()
 
 
 def without_password(url: str) -> str:
@@ -71,3 +165,68 @@ def without_password(url: str) -> str:
     host = parts.hostname or ""
     port = f":{parts.port}" if parts.port else ""
     return urlunsplit((parts.scheme, host + port, parts.path, "", ""))
+
+
+def _types(annotation: Any) -> Iterator[Any]:
+    """The types that an annotation is made of, unions and `Annotated` taken apart."""
+    if get_origin(annotation) in (None, Literal):
+        yield annotation
+    else:
+        for part in get_args(annotation):
+            yield from _types(part)
+
+
+def _secret(info: FieldInfo) -> bool:
+    return SecretStr in _types(info.annotation)
+
+
+def _choices(info: FieldInfo) -> tuple[str, ...]:
+    return next((get_args(kind) for kind in _types(info.annotation) if get_origin(kind) is Literal), ())
+
+
+def _bounds(info: FieldInfo) -> str:
+    low = next((mark.ge for mark in info.metadata if isinstance(mark, Ge)), None)
+    high = next((mark.le for mark in info.metadata if isinstance(mark, Le)), None)
+    return "" if low is None or high is None else f" from {low} to {high}"
+
+
+def _kind(info: FieldInfo) -> str:
+    if choices := _choices(info):
+        return " | ".join(choices)
+    if info.annotation is bool:
+        return "on | off"
+    if info.annotation in (int, float):
+        return ("whole number" if info.annotation is int else "number") + _bounds(info)
+    if _secret(info):
+        return "secret"
+    if Path in _types(info.annotation):
+        return "path"
+    return "address" if any(mark.func is _http_address for mark in _validators(info)) else "text"
+
+
+def _validators(info: FieldInfo) -> Iterator[AfterValidator]:
+    """Of the field itself, and of a type in a union."""
+    marks = [*info.metadata]
+    for part in get_args(info.annotation):
+        marks.extend(get_args(part)[1:] if get_origin(part) is Annotated else ())
+    return (mark for mark in marks if isinstance(mark, AfterValidator))
+
+
+def _right(info: FieldInfo) -> str:
+    """What a value would have to be."""
+    if choices := _choices(info):
+        return f"choose one of {', '.join(choices)}"
+    if info.annotation is bool:
+        return "say on or off"
+    return f"give a {_kind(info)}"
+
+
+def _variable(name: str, info: FieldInfo) -> Variable:
+    default = info.default
+    if default is None or default is PydanticUndefined:
+        shown = ""
+    elif isinstance(default, bool):
+        shown = "on" if default else "off"
+    else:
+        shown = str(default)
+    return Variable(name, _kind(info), shown, info.description or "", _secret(info))

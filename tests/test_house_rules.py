@@ -3,25 +3,42 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-OURS = ("contracts", "navigation", "service_kit", "services", "mission", "orchestrator", "training", "vld")
-ALLOWED = {
+ALLOWED: dict[str, set[str]] = {
     "contracts": set(),
     "navigation": set(),
     "service_kit": {"contracts"},
     "services": {"contracts", "navigation", "service_kit"},
     "mission": {"contracts", "navigation", "service_kit"},
-    "orchestrator": {"contracts", "navigation", "service_kit", "mission"},
-    "vld": {"contracts", "navigation", "service_kit", "mission", "orchestrator"},
+    "orchestrator": {"contracts", "service_kit", "mission"},
+    "launcher": {"contracts", "service_kit"},
+    "evaluation": {"contracts", "navigation", "service_kit", "mission", "launcher", "orchestrator"},
+    "command_line": {"contracts", "navigation", "service_kit", "mission", "orchestrator", "launcher", "evaluation"},
     # draws its streets in process and cuts crops as the gateway does; nothing imports it
-    "training": {"contracts", "navigation", "vld", "services.sim", "services.vlm_gateway"},
+    "training": {"contracts", "navigation", "evaluation", "services.sim", "services.vlm_gateway"},
 }
-MAX_LINES = 400
+OURS = tuple(ALLOWED)
+MAX_LINES = 300
+LONG = {
+    "evaluation/bench/worker.py",
+    "mission/phases/explore.py",
+    "mission/phases/floors.py",
+    "navigation/camera.py",
+    "services/llm_parser/rules/lexicon.py",
+    "services/llm_parser/rules/mentions.py",
+    "services/llm_parser/rules/tokens.py",
+    "services/vlm_gateway/config.py",
+    "services/vlm_gateway/hot/frontend.py",
+    "services/vlm_gateway/upstream/client.py",
+    "services/vlm_gateway/upstream/connection.py",
+}
+"""Modules still to be cut down. The catalogue's may be longer: they are lists of things."""
 
 
 def modules(*packages: str) -> list[Path]:
@@ -35,6 +52,13 @@ def imported_names(tree: ast.AST) -> Iterator[str]:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, "imports are absolute"
             yield node.module or ""
+            # `from package import module` reads the module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def dotted(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def room(name: str) -> str:
@@ -43,19 +67,80 @@ def room(name: str) -> str:
     return ".".join(parts[:2]) if parts[0] == "services" else parts[0]
 
 
+def package(name: str) -> str:
+    """The folder in which the module of that dotted name lies; of a package, the package itself."""
+    return name if (ROOT / name.replace(".", "/")).is_dir() else name.rpartition(".")[0]
+
+
+def is_ours(name: str) -> bool:
+    place = ROOT / name.replace(".", "/")
+    return name.split(".")[0] in OURS and (place.is_dir() or place.with_suffix(".py").is_file())
+
+
 def tree_of(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
+def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
+    """Whatever can be come to from `start` over one import or more."""
+    found: set[str] = set()
+    pending = list(graph.get(start, ()))
+    while pending:
+        node = pending.pop()
+        if node not in found:
+            found.add(node)
+            pending += graph.get(node, ())
+    return found
+
+
+def cycles(graph: Mapping[str, set[str]]) -> set[frozenset[str]]:
+    """The groups of nodes that come back to themselves."""
+    beyond = {node: reached(graph, node) for node in graph}
+    return {
+        frozenset(other for other in beyond[node] if node in beyond.get(other, ()))
+        for node in graph
+        if node in beyond[node]
+    }
+
+
+def _nested(one: str, other: str) -> bool:
+    return f"{one}.".startswith(f"{other}.") or f"{other}.".startswith(f"{one}.")
+
+
 @pytest.mark.parametrize("path", modules(*OURS), ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_follow_the_arrows_of_the_house(path: Path) -> None:
-    here = room(".".join(path.relative_to(ROOT).with_suffix("").parts))
+    here = room(dotted(path))
     allowed = ALLOWED[here.split(".")[0]]
     for name in imported_names(tree_of(path)):
         there = room(name)
         if there.split(".")[0] not in OURS or there == here:
             continue
         assert there in allowed, f"{path.relative_to(ROOT)} imports {name}: {here} may import only {sorted(allowed)}"
+
+
+def test_nobody_imports_the_command_line() -> None:
+    readers = {
+        dotted(path)
+        for path in modules(*OURS)
+        if not dotted(path).startswith("command_line")
+        and any(room(name) == "command_line" for name in imported_names(tree_of(path)))
+    }
+    assert not readers
+
+
+def test_packages_do_not_import_each_other_in_a_circle() -> None:
+    graph: defaultdict[str, set[str]] = defaultdict(set)
+    for path in modules(*OURS):
+        here = package(dotted(path))
+        there = {package(name) for name in imported_names(tree_of(path)) if is_ours(name)}
+        # a package and the folders inside it are one house: `errors.py` beside `chat/` is everybody's
+        graph[here] |= {other for other in there if not _nested(here, other)}
+    assert not [sorted(circle) for circle in cycles(graph)]
+
+
+def test_a_circle_is_found_where_there_is_one() -> None:
+    assert cycles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == {frozenset({"b", "c"})}
+    assert cycles({"a": {"b"}, "b": {"c"}, "c": set()}) == set()
 
 
 @pytest.mark.parametrize("path", modules("contracts", "navigation", "service_kit", "services"), ids=str)
@@ -68,8 +153,19 @@ def test_libraries_neither_print_nor_exit(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", modules(*OURS), ids=lambda p: str(p.relative_to(ROOT)))
-def test_modules_stay_short_enough_to_know_their_room(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+def test_modules_stay_short(path: Path) -> None:
+    name = path.relative_to(ROOT).as_posix()
+    if name.startswith("services/sim/catalogue/"):
+        return
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    if name in LONG:
+        assert lines > MAX_LINES, f"{name} is short enough now: take it off the list"
+    else:
+        assert lines <= MAX_LINES, f"{name} has {lines} lines, {MAX_LINES} are enough"
+
+
+def test_modules_that_are_too_long_are_there() -> None:
+    assert not {name for name in LONG if not (ROOT / name).is_file()}
 
 
 @pytest.mark.parametrize("path", modules(*OURS), ids=lambda p: str(p.relative_to(ROOT)))

@@ -6,10 +6,10 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from training.ahead import Ahead
 from training.crop_store import CropBatches, Crops
 from training.nets import Namer
-from training.rounds import Plan, Trainer
+from training.prefetch import Prefetch
+from training.training_loop import Plan, Trainer
 
 CROP_PX, FIRST_PX = 64, 48
 FIRST_SHARE = 0.65
@@ -37,7 +37,7 @@ def trainer(
     def made(number: int) -> Crops:
         return crops.batch(number, batch, FIRST_PX if number < plan.steps * FIRST_SHARE else CROP_PX)
 
-    coming = Ahead(made, workers)
+    coming = Prefetch(made, workers)
 
     def loss(net: nn.Module, number: int) -> tuple[Tensor, dict[str, float]]:
         rgb, kind, colour, box = (torch.from_numpy(part).to(device) for part in coming.get(number))

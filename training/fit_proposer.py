@@ -8,12 +8,12 @@ import torch
 from torch import Tensor, nn
 
 from services.vlm_gateway.embedded.crops import proposals
-from training.ahead import Ahead
 from training.crop_store import Floats, Propose
 from training.nets import STRIDE, Proposer, ProposerAnswer, distances_px
 from training.pieces import Pieces
-from training.rounds import Plan, Trainer
+from training.prefetch import Prefetch
 from training.shards import Picture
+from training.training_loop import Plan, Trainer
 
 BATCH = 4
 PLAN = Plan(steps=6000, rate=1.5e-3)
@@ -32,7 +32,7 @@ def trainer(
     """Goes on from the folder's checkpoint where there is one. `workers`: threads that make batches ahead."""
     torch.manual_seed(seed)
     pieces = Pieces(shards, seed)
-    coming = Ahead(lambda number: pieces.batch(number, batch), workers)
+    coming = Prefetch(lambda number: pieces.batch(number, batch), workers)
 
     def loss(net: nn.Module, number: int) -> tuple[Tensor, dict[str, float]]:
         rgb, core, care, inside, box, maps = (torch.from_numpy(part).to(device) for part in coming.get(number))

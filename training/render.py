@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from contracts.sim import Catalogue
+from evaluation.scene_generator.scene_plan import UnbuildableScene
 from services.sim.catalogue import CATALOGUE, build, poster_layers
 from services.sim.geometry.scene_mesh import build_scene_mesh
 from services.sim.geometry.textures import TextureSet, base_textures
@@ -20,7 +21,6 @@ from training.looks import varied
 from training.shards import shard_path, write
 from training.stops import Look, looks
 from training.streets import Street, street
-from vld.scene_plan import UnbuildableScene
 
 FIT_SEEDS = range(90_000)
 VALIDATION_SEEDS = range(90_000, 100_000)

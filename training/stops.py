@@ -7,8 +7,8 @@ import numpy as np
 
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Pose
 from contracts.scene_layout import facades, floor_outline, wall_height_m
+from evaluation.scene_generator.footprints import distance_to_outline
 from training.streets import Street
-from vld.footprints import distance_to_outline
 
 NEAREST_M = 2.4
 _OFF_M = (3.0, 13.0)

@@ -9,10 +9,10 @@ import numpy as np
 from contracts.scene import Scene, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, window_slots
 from contracts.sim import Catalogue, CatalogueEntry
+from evaluation.scene_generator.random_specs import random_spec
+from evaluation.scene_generator.scene_plan import BalconySpec
+from evaluation.scene_generator.scenes import build_scene
 from training.looks import HELD_OUT_FAMILY, relit
-from vld.random_specs import random_spec
-from vld.scene_plan import BalconySpec
-from vld.scenes import build_scene
 
 SPARSE_SHARE = 0.25
 MOST_OBJECTS = 200

@@ -44,9 +44,11 @@ async def place_drone(step: Step) -> MeasureStandOff:
     state = await vehicle.state()
     if state.mode == "landed":
         state = await vehicle.take_off(step.settings.take_off_height_m)
-    step.update(drone=state, vehicle_kind=drone.capabilities.kind)
+    step.update(drone=state, renderer=await step.context.placement.renderer(vehicle.name))
     step.write(
         f"the drone is at {spoken(state.pose)}: {drone.capabilities.kind}",
-        PlacedData(vehicle=vehicle.name, kind=drone.capabilities.kind, pose=state.pose, rig=drone.cameras),
+        PlacedData(
+            vehicle=vehicle.name, vehicle_kind=drone.capabilities.kind, pose=state.pose, cameras=drone.cameras
+        ),
     )
     return MeasureStandOff()

@@ -57,7 +57,7 @@ async def rise_with_distance(step: Step, stage: RiseWithDistance) -> Climb:
 async def find_top(step: Step, stage: FindTop) -> BackOff | CountWhole:
     """Raises PortError."""
     sight, away = await step.look_ahead(), _away_m(step, stage)
-    top = facade.facade_top_m(sight.depth_m, away, sight.pose.z, FACADE)
+    top = facade.facade_top_m(sight.seen, away, sight.pose.z, FACADE)
     if top is None and stage.retreats < STEPS_BACK:
         return _turn_round(step, stage)
     return CountWhole(

@@ -18,9 +18,8 @@ from mission.model_calls import Answered
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 from navigation import facade
-from navigation.floor_localization import Band, Climb, FinalHeight, FloorNotFound, Recount, Settings
+from navigation.floor_localization import Band, Climb, FinalHeight, FloorNotFound, Recount, Settings, VerticalView
 
-VERTICAL_FOV_RAD = math.pi / 2
 FACADE = facade.Settings()
 NUDGE_RAD = math.radians(4)
 
@@ -54,6 +53,11 @@ async def count_floors(step: Step, sight: Sight) -> Count:
     reply = await step.ask("floors", step.ports.vision.floor_count(question))
     floors, rows = (reply.answer.floors, reply.answer.rows) if isinstance(reply, Answered) else (None, None)
     return Count(floors, rows if rows is not None and len(rows) == floors else None, reply.answer, reply.seconds)
+
+
+def vertical(sight: Sight) -> VerticalView:
+    """What the picture shows of the facade upright."""
+    return VerticalView(sight.camera.up_slope, sight.camera.down_slope)
 
 
 def eq3_settings(step: Step) -> Settings:

@@ -13,13 +13,13 @@ from mission.places import ahead
 from mission.stages.direct_count import leave_facade
 from mission.stages.floor_counts import (
     FACADE,
-    VERTICAL_FOV_RAD,
     Count,
     count_floors,
     eq3_settings,
     not_there,
     turn_a_little,
     useless,
+    vertical,
     write_count,
 )
 from mission.state import BackOff, BandCount, BoxBuilding, Climb, CountBand, CountBandFromNearer, LookRound
@@ -34,10 +34,11 @@ async def measure_stand_off(step: Step) -> Climb | BackOff:
     """How far the facade is ahead. Raises MissionEnd (floor_not_found) where depth shows none; PortError."""
     step.enter("floors", f"going to floor {step.state.floor}")
     sight = await step.look_ahead()
-    stand_off = facade.stand_off_m(sight.depth_m, FACADE)
+    stand_off = facade.stand_off_m(sight.seen, FACADE)
     if stand_off is None:
         raise MissionEnd("floor_not_found", "depth shows no facade ahead of the drone, so no floor can be counted")
-    span = band_span_m(stand_off, VERTICAL_FOV_RAD)
+    view = vertical(sight)
+    span = band_span_m(stand_off, view)
     step.write(
         f"the facade is {stand_off:.1f} m ahead: one picture spans {span:.1f} m of it",
         StandOffData(stand_off_m=round(stand_off, 3), span_m=round(span, 3), pose=sight.pose),
@@ -45,14 +46,14 @@ async def measure_stand_off(step: Step) -> Climb | BackOff:
     )
     if step.settings.floors == "direct-count":
         return leave_facade(step, stand_off)
-    return _climb_to(CountBand(stand_off_m=stand_off, band=band(1, span)))
+    return _climb_to(CountBand(stand_off_m=stand_off, band=band(1, span, view.camera_at)))
 
 
 async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountBandFromNearer:
     """Raises MissionEnd: floor_not_found, answer_unreadable; PortError."""
     sight = await step.look_ahead()
-    top = facade.facade_top_m(sight.depth_m, stage.stand_off_m, sight.pose.z, FACADE)
-    now = facade.stand_off_m(sight.depth_m, FACADE)
+    top = facade.facade_top_m(sight.seen, stage.stand_off_m, sight.pose.z, FACADE)
+    now = facade.stand_off_m(sight.seen, FACADE)
     steps_back = now is not None and DRIFT_M < now - stage.stand_off_m <= FACADE.recess_m
     if top is None and now is not None and steps_back:
         # a facade that steps back as it rises is followed, so that bands keep touching
@@ -153,5 +154,5 @@ def _window_rows(sight: Sight, count: Count, at: int, stand_off: float) -> Windo
     if not count.rows:
         return None
     row = count.rows[at] if -1 <= at < len(count.rows) else 0.5
-    wall_m = facade.wall_at_row_m(sight.depth_m, row, stand_off, FACADE)
-    return WindowRows(count.rows, sight.pose.z, wall_m, VERTICAL_FOV_RAD)
+    wall_m = facade.wall_at_row_m(sight.seen, row, stand_off, FACADE)
+    return WindowRows(count.rows, sight.pose.z, wall_m, vertical(sight))

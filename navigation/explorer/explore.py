@@ -12,7 +12,7 @@ from navigation.explorer import facade, frontier, path
 from navigation.explorer.facade import Seed
 from navigation.explorer.goal import Decision, Goal, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
-from navigation.explorer.scan import Scan, panorama, thinned
+from navigation.explorer.scan import Scan, panorama, seen_aside_deg, thinned
 from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -23,6 +23,8 @@ CUT_OFF, CUT_ON, CUT_LIFTED = 0, 1, 2
 _CUT_ASIDE_M = 2.5
 _CUT_HALF_WIDTH_M = 1.25
 _ARRIVED_M = 1.5
+_EDGE_DEG = 5.0
+"""What lies so near to the edge of what a look sees is not counted on."""
 _PATIENCE = 4
 _MOST_PLANS = 8
 _LEAST_PATCH_M = 1.0
@@ -47,6 +49,16 @@ class Memory(NamedTuple):
     stop: tuple[float, float] | None = None
 
 
+class Now(NamedTuple):
+    """What this step has: the scan, the target building's cells, the returns about the drone (nose frame), and how far
+    to either side of the nose a look sees, degrees."""
+
+    scan: Scan
+    target: Bools
+    near: Points
+    aside_deg: float
+
+
 class Step(NamedTuple):
     """`inspected_share`: of the facade known or expected so far. `target`: the target building's cells."""
 
@@ -64,7 +76,8 @@ def explore(
     box_deg: tuple[float, float] = (-25.0, 25.0),
 ) -> Step:
     """The next stop. `memory` is None at the first call, `pose` the measured pose the views were taken at; `box_deg`
-    are the bearings between which the target lies at the first call.
+    are the bearings between which the target lies at the first call. Level views make the map, all of them tell where
+    there is room.
 
     Raises NoFacade where the first call has no wall in front of it.
     """
@@ -85,7 +98,7 @@ def explore(
     memory = memory._replace(map=grid, steps=memory.steps + 1, cut=_cut_now(memory, pose))
     reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
     near = nearby_cloud(views, reach, settings.drone_radius_m + settings.clearance_m)
-    decision, memory = _decide(memory, scan, target, near, settings)
+    decision, memory = _decide(memory, Now(scan, target, near, seen_aside_deg(views)), settings)
     return Step(decision, memory, facade.inspected_share(grid, target), target)
 
 
@@ -106,10 +119,10 @@ def _cut_now(memory: Memory, pose: Pose) -> int:
     return CUT_ON if aside > _CUT_ASIDE_M else CUT_OFF
 
 
-def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: Settings) -> tuple[Decision, Memory]:
+def _decide(memory: Memory, now: Now, settings: Settings) -> tuple[Decision, Memory]:
     """The goal, and the stop on the way to it. Where nothing useful can be reached: first the cut is lifted, then
     given-up pieces are taken up again, then the search is done."""
-    pose, grid = scan.pose, memory.map
+    pose, grid, target, near = now.scan.pose, memory.map, now.target, now.near
     clear, walls = path.clearance_m(grid), _cut_cells(memory, settings)
     for _ in range(_MOST_PLANS):
         # when all that matters is seen, the little pieces get their look as well
@@ -121,8 +134,8 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
                 wide = choose_goal(grid, left, clear, walls, pose, settings, _WIDE_BERTH_COST)
                 decision = None if wide is None else next_stop(grid, wide, clear, walls, pose, near, settings)
             if decision is not None:
-                return _await(memory, decision, left, settings)
-            if memory.stuck < _PATIENCE and (turn := _turn(memory, goal, left, pose, settings)) is not None:
+                return _await(memory, decision, left, now, settings)
+            if memory.stuck < _PATIENCE and (turn := _turn(memory, goal, left, now, settings)) is not None:
                 return turn
             grid.attempts[left & path.near_cells(goal.way[-1], grid, settings.inspect_range_m)] = settings.attempts
             grid.expected[grid.attempts > 0] = False
@@ -145,13 +158,14 @@ def _decide(memory: Memory, scan: Scan, target: Bools, near: Points, settings: S
     return stay, memory._replace(stop=None)
 
 
-def _turn(memory: Memory, goal: Goal, left: Bools, pose: Pose, settings: Settings) -> tuple[Decision, Memory] | None:
+def _turn(memory: Memory, goal: Goal, left: Bools, now: Now, settings: Settings) -> tuple[Decision, Memory] | None:
     """On the spot: towards what can be seen from here, or along the way whose beginning is not seen to be free. None
     where the drone faces that way already."""
+    pose = now.scan.pose
     gap = goal.way[-1] - (pose.x, pose.y)
     here = Decision("turn", "the next piece lies behind", (pose.x, pose.y), 0.0, 0.0, pose.yaw, goal.gain_m)
     if np.hypot(*gap) < settings.min_move_m:
-        decision, after = _await(memory, here, left, settings)
+        decision, after = _await(memory, here, left, now, settings)
     else:
         yaw = math.atan2(goal.way[0, 1] - pose.y, goal.way[0, 0] - pose.x)
         why = "no free way is seen towards the next piece"
@@ -169,7 +183,7 @@ def _cut_cells(memory: Memory, settings: Settings) -> Bools:
     return path.wall_from(grid, seed.x, seed.y, seed.normal, settings.cut_m, _CUT_HALF_WIDTH_M)
 
 
-def _await(memory: Memory, decision: Decision, left: Bools, settings: Settings) -> tuple[Decision, Memory]:
+def _await(memory: Memory, decision: Decision, left: Bools, now: Now, settings: Settings) -> tuple[Decision, Memory]:
     """Which pieces that stop should show, and the yaw that shows them: towards their middle, else along the way."""
     grid = memory.map
     pieces = np.flatnonzero(left.reshape(-1))
@@ -182,6 +196,6 @@ def _await(memory: Memory, decision: Decision, left: Bools, settings: Settings) 
         if np.hypot(*middle) > 0.5:
             yaw = math.atan2(middle[1], middle[0])
         bearing = np.mod(np.arctan2(gap[:, 1], gap[:, 0]) - yaw + math.pi, math.tau) - math.pi
-        shown = pieces[seen][np.abs(bearing) < math.radians(130.0)]
+        shown = pieces[seen][np.abs(bearing) < math.radians(now.aside_deg - _EDGE_DEG)]
         grid.awaited.reshape(-1)[shown] = True
     return decision._replace(yaw=yaw), memory._replace(stuck=0, stop=decision.place)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView, Pose, column_slopes, pinhole, row_slopes
+from navigation.camera import Camera, DepthView, Pose, column_slopes, horizon_rows, row_slopes
 
 Floats = NDArray[np.float64]
 
@@ -15,6 +15,7 @@ BIN_DEG = 0.5
 REACH_DEG = 135.0
 BINS = round(2 * REACH_DEG / BIN_DEG)
 _FINE_PX = 600
+_TOUCHING_DEG = 1e-6
 _NEAREST_ROW_M = 1.4
 """Rows are read as steeply as they see the band from this depth on; nearer things are the corridor's business."""
 
@@ -51,64 +52,133 @@ def bin_bearings_deg() -> Floats:
 
 
 def panorama(views: Sequence[DepthView], pose: Pose, band_m: float, body_band_m: float) -> Scan:
-    """The scan of all views; the three of -90, 0 and 90 degrees suffice, so that others are left out beside them.
+    """The scan of the level views; of these, the fewest that see all that all of them see. A camera that looks up or
+    down has no horizon to read ranges along and is left out.
 
     The ground is no obstacle: the body's band ends 0.4 m above it.
     """
-    straight = [view for view in views if view.heading_deg in (-90, 0, 90)]
     below = min(body_band_m, max(0.0, pose.z - 0.4))
     ranges, bearings, bodies = np.full(BINS, np.nan), bin_bearings_deg(), np.full(BINS, np.nan)
-    for view in straight if len(straight) == 3 else views:
-        columns = level_ranges_m(view, min(band_m, below), band_m)
-        found, at = _binned(view, columns)
+    for view in fewest(views):
+        found, at = _ranges(view, min(band_m, below), band_m)
         bearings = np.where((found < ranges) | np.isnan(ranges), at, bearings)
         ranges = np.fmin(ranges, found)
-        columns = level_ranges_m(view, below, body_band_m)
-        bodies = np.fmin(bodies, _binned(view, columns)[0])
+        bodies = np.fmin(bodies, _ranges(view, below, body_band_m)[0])
     return Scan(pose, ranges, bearings, bodies)
+
+
+def fewest(views: Sequence[DepthView]) -> list[DepthView]:
+    """The fewest level views that together see every bearing that all level views see, in the order given."""
+    level = [view for view in views if view.camera.is_level]
+    left = sorted(level, key=lambda view: (view.camera.left_deg, -view.camera.right_deg))
+    kept: list[DepthView] = []
+    seen_to = -math.inf
+    while left:
+        joined = [view for view in left if view.camera.left_deg <= seen_to + _TOUCHING_DEG] or left[:1]
+        best = max(joined, key=lambda view: view.camera.right_deg)
+        if best.camera.right_deg > seen_to:
+            kept.append(best)
+            seen_to = best.camera.right_deg
+        left = [view for view in left if view.camera.right_deg > seen_to]
+    return [view for view in level if any(view is chosen for chosen in kept)]
+
+
+def seen_aside_deg(views: Sequence[DepthView]) -> float:
+    """How far to either side of the nose the level views see without a gap; 0 where none looks ahead."""
+    reach = {}
+    for side in (-1, 1):
+        seen_to = 0.0
+        edges = [(side * v.camera.left_deg, side * v.camera.right_deg) for v in views if v.camera.is_level]
+        for low, high in sorted((min(edge), max(edge)) for edge in edges):
+            if low <= seen_to + _TOUCHING_DEG:
+                seen_to = max(seen_to, high)
+        reach[side] = seen_to
+    return min(reach.values())
 
 
 def thinned(view: DepthView) -> DepthView:
     """The view at half the size until it is less than 600 pixels wide: the nearest of every two by two pixels."""
-    depth = view.depth_m
-    while depth.shape[1] >= _FINE_PX and depth.shape[0] % 2 == 0 and depth.shape[1] % 2 == 0:
+    camera, depth = view
+    while camera.width >= _FINE_PX and camera.height % 2 == 0 and camera.width % 2 == 0:
         rows = np.fmin(depth[0::2], depth[1::2])  # invalid pixels are passed over
         depth = np.fmin(rows[:, 0::2], rows[:, 1::2])
-    return DepthView(view.heading_deg, depth)
+        camera = camera._replace(
+            width=camera.width // 2,
+            height=camera.height // 2,
+            fx_px=camera.fx_px / 2,
+            fy_px=camera.fy_px / 2,
+            cx_px=camera.cx_px / 2,
+            cy_px=camera.cy_px / 2,
+        )
+    return DepthView(camera, depth)
 
 
 def level_ranges_m(view: DepthView, below_m: float, above_m: float) -> Floats:
     """(W,) level distance of each column's nearest return from `below_m` under to `above_m` over the camera; inf where
     nothing is there, nan where no pixel at the horizon is valid. Planar depth becomes distance by 1 / cos(bearing)."""
-    height, width = view.depth_m.shape
-    camera = pinhole(width, height)
+    camera = view.camera
     slopes = row_slopes(camera).astype(np.float64)
+    horizon = horizon_rows(camera)
     first = int(np.searchsorted(-slopes, -above_m / _NEAREST_ROW_M))
     past = int(np.searchsorted(-slopes, below_m / _NEAREST_ROW_M, side="right"))
-    first, past = min(first, (height - 1) // 2), max(past, height // 2 + 1)
+    first, past = min(first, horizon.start), max(past, horizon.stop)
     rows, climb = view.depth_m[first:past], slopes[first:past]
     with np.errstate(divide="ignore"):
         limit = np.where(climb >= 0, above_m, below_m) / np.abs(climb)  # the depth at which a row leaves the band
     with np.errstate(invalid="ignore"):
         inside = np.where(rows <= limit.astype(np.float32)[:, None], rows, np.float32(np.inf))
     nearest = inside.min(axis=0).astype(np.float64)
-    horizon = view.depth_m[(height - 1) // 2 : height // 2 + 1]
-    nearest[np.isinf(nearest) & np.isnan(horizon).all(axis=0)] = np.nan
+    nearest[np.isinf(nearest) & np.isnan(view.depth_m[horizon]).all(axis=0)] = np.nan
     level: Floats = nearest * np.hypot(1.0, column_slopes(camera).astype(np.float64))
     return level
 
 
-def _binned(view: DepthView, columns_m: Floats) -> tuple[Floats, Floats]:
+def _ranges(view: DepthView, below_m: float, above_m: float) -> tuple[Floats, Floats]:
+    """(BINS,) the nearest return in each bin from `below_m` under to `above_m` over the drone's centre, and its
+    bearing, both as seen from that centre."""
+    camera = view.camera
+    columns = level_ranges_m(view, max(0.0, below_m + camera.up_m), max(0.0, above_m - camera.up_m))
+    ranges, at = np.full(BINS, np.nan), bin_bearings_deg()
+    for turn in (-360.0, 0.0, 360.0):
+        if camera.left_deg + turn < REACH_DEG and camera.right_deg + turn > -REACH_DEG:
+            found, bearings = _binned(camera._replace(heading_deg=camera.heading_deg + turn), columns)
+            at = np.where(np.isnan(ranges), bearings, at)
+            ranges = np.fmin(ranges, found)
+    if camera.forward_m or camera.right_m:
+        return _from_centre(camera, ranges, at)
+    return ranges, at
+
+
+def _from_centre(camera: Camera, ranges_m: Floats, bearing_deg: Floats) -> tuple[Floats, Floats]:
+    """What a camera beside the drone's centre saw, by range and bearing from that centre; a bin that parallax leaves
+    without a return keeps that of its own bearing, which lies beside it."""
+    turn = np.deg2rad(bearing_deg)
+    hit = np.isfinite(ranges_m)
+    ahead, aside = ranges_m * np.cos(turn) + camera.forward_m, ranges_m * np.sin(turn) + camera.right_m
+    ranges, bearings = ranges_m.copy(), bearing_deg.copy()
+    ranges[hit] = np.hypot(ahead, aside)[hit]
+    moved = np.degrees(np.arctan2(aside[hit], ahead[hit]))
+    bins = np.floor((moved + REACH_DEG) / BIN_DEG).astype(np.intp)
+    inside = (bins >= 0) & (bins < BINS)
+    for index, bearing, range_m in zip(bins[inside], moved[inside], ranges[hit][inside], strict=True):
+        if not ranges[index] <= range_m:
+            ranges[index], bearings[index] = range_m, bearing
+    return ranges, bearings
+
+
+def _binned(camera: Camera, columns_m: Floats) -> tuple[Floats, Floats]:
     """(BINS,) the nearest of the columns in each bin, and its bearing; where columns are wider than bins, the next
     column's range at the bin's middle."""
     width = len(columns_m)
-    bearings = np.degrees(np.arctan(column_slopes(pinhole(width, 1)).astype(np.float64))) + view.heading_deg
-    first = max(0, math.ceil((view.heading_deg - 45.0 + REACH_DEG) / BIN_DEG - 1e-9))
-    past = min(BINS, math.floor((view.heading_deg + 45.0 + REACH_DEG) / BIN_DEG + 1e-9))
+    bearings = np.degrees(np.arctan(column_slopes(camera).astype(np.float64))) + camera.heading_deg
+    first = max(0, math.ceil((camera.left_deg + REACH_DEG) / BIN_DEG - 1e-9))
+    past = min(BINS, math.floor((camera.right_deg + REACH_DEG) / BIN_DEG + 1e-9))
     edges = np.arange(first, past) * BIN_DEG - REACH_DEG
     starts = np.minimum(np.searchsorted(bearings, edges), width - 1)
     known = np.where(np.isnan(columns_m), np.inf, columns_m)
     ranges, at = np.full(BINS, np.nan), bin_bearings_deg()
+    if not len(starts):
+        return ranges, at
     least = np.minimum.reduceat(known, starts)
     blind = np.minimum.reduceat(np.isnan(columns_m).astype(np.int8), starts) > 0
     ranges[first:past] = np.where(blind, np.nan, least)

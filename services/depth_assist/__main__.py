@@ -1,11 +1,8 @@
 """`python -m services.depth_assist`: the service as a process."""
 
-import os
-
-from service_kit.run import run
-from service_kit.settings import Settings
-from services.depth_assist.bootstrap import DEFAULT_PORT, bootstrap
+from service_kit.run import main
+from services.depth_assist.bootstrap import bootstrap
+from services.depth_assist.settings import DepthAssistSettings
 
 if __name__ == "__main__":
-    settings = Settings(os.environ)
-    run(bootstrap(settings), settings, DEFAULT_PORT)
+    main("depth_assist", DepthAssistSettings, bootstrap)

@@ -24,18 +24,17 @@ from contracts.depth_assist import (
 from contracts.geometry import POINT_LABELS, VIEW_HEADINGS_DEG, Point3
 from contracts.images import BadImage, decode_depth, decode_depth_units
 from navigation import approach, safe_distance, viewpoint
-from navigation.camera import DepthView, Place, Pose
+from navigation.camera import DepthView, Place, Pose, pinhole
 from navigation.target import Box
 from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion
 from service_kit.json_route import JsonRoute
 from services.depth_assist.explorer import next_step
 
-MAX_BODY_BYTES = 64 * 1024 * 1024
 MAX_VIEW_PIXELS = 1600 * 1600
 
 
-def build_app(*, token: str | None = None, max_body_bytes: int = MAX_BODY_BYTES) -> FastAPI:
+def build_app(*, max_body_bytes: int, token: str | None = None) -> FastAPI:
     """The service. It needs nothing else, so it is ready as soon as it answers."""
     app = create_app("depth_assist", max_body_bytes=max_body_bytes, token=token)
     app.router.route_class = JsonRoute
@@ -70,23 +69,24 @@ def choose_viewpoint(question: ViewpointQuestion) -> ViewpointAnswer:
         raise BadQuestion("the contour explorer answers at /v1/explore", code="other_route")
     settings = viewpoint.Settings(**asked.model_dump())
     _check_views(question.views)
-    means: dict[int, NDArray[np.float64]] = {
-        view.heading_deg: _slice_means(view, question, settings) for view in question.views
+    sliced = {
+        str(view.heading_deg): viewpoint.Sliced(view.heading_deg, _slice_means(view, question, settings))
+        for view in question.views
     }
-    choice = viewpoint.choose_view(means, settings, question.d_max_m, np.random.default_rng(question.seed))
+    choice = viewpoint.choose_view(sliced, settings, question.d_max_m, np.random.default_rng(question.seed))
     return ViewpointAnswer(
-        heading_deg=_HEADINGS[choice.heading_deg],
+        heading_deg=_HEADINGS[int(choice.name)],
         reason=choice.reason,
         d_max_m=choice.d_max_m,
         d_max_next_m=choice.d_max_next_m,
         views=tuple(
             ViewScore(
-                heading_deg=_HEADINGS[heading],
-                slice_means_m=tuple(None if np.isnan(mean) else float(mean) for mean in means[heading]),
+                heading_deg=_HEADINGS[int(name)],
+                slice_means_m=tuple(None if np.isnan(mean) else float(mean) for mean in sliced[name].means_m),
                 splits=tuple(Split(**split._asdict()) for split in score.splits),
                 best_j=None if score.best is None else score.best.j,
             )
-            for heading, score in choice.scores.items()
+            for name, score in choice.scores.items()
         ),
     )
 
@@ -188,7 +188,7 @@ def _depth_views(views: Sequence[ViewDepth], sensor_range_m: float) -> list[Dept
             raise _bad_depth(view, error) from None
         with np.errstate(invalid="ignore"):
             depth_m[depth_m > sensor_range_m] = np.inf
-        decoded.append(DepthView(view.heading_deg, depth_m))
+        decoded.append(DepthView(pinhole(view.depth.width, view.depth.height, 90.0, view.heading_deg), depth_m))
     return decoded
 
 

@@ -1,16 +1,12 @@
-"""Settings of depth_assist: `DEPTH_ASSIST_TOKEN` and `MAX_BODY_BYTES`, both optional."""
+"""Settings in, the app out."""
 
 from fastapi import FastAPI
 
-from service_kit.settings import Settings
-from services.depth_assist.app import MAX_BODY_BYTES, build_app
+from service_kit.settings import revealed
+from services.depth_assist.app import build_app
+from services.depth_assist.settings import DepthAssistSettings
 
-DEFAULT_PORT = 8103
 
-
-def bootstrap(settings: Settings) -> FastAPI:
-    """The app as the settings want it. Raises BadSetting."""
-    return build_app(
-        token=settings.text("DEPTH_ASSIST_TOKEN"),
-        max_body_bytes=settings.integer("MAX_BODY_BYTES", MAX_BODY_BYTES, 1024, 1 << 30),
-    )
+def bootstrap(settings: DepthAssistSettings) -> FastAPI:
+    """The app as the settings want it."""
+    return build_app(token=revealed(settings.depth_assist_token), max_body_bytes=settings.depth_assist_max_body_bytes)

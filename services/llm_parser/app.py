@@ -17,7 +17,6 @@ from service_kit.metrics import HttpMetrics
 from services.llm_parser.port import Parser
 from services.llm_parser.rules.parser import MODEL as RULES
 
-MAX_BODY_BYTES = 64 * 1024
 _ERRORS: dict[int | str, dict[str, Any]] = {status: {"model": ErrorBody} for status in (413, 422, 503, 504)}
 
 
@@ -37,7 +36,7 @@ class Parsers:
         if model == RULES:
             return self.rules
         if self.chat is None:
-            message = f"there is no model {model!r} here: no gateway is configured; use {RULES!r} or set GATEWAY_URL"
+            message = f"there is no model {model!r} without a gateway; use {RULES!r} or set VLM_GATEWAY_URL"
             raise BadQuestion(message, code="unknown_model")
         return self.chat(model)
 
@@ -49,10 +48,10 @@ async def _nothing() -> None:
 def build_app(
     parsers: Parsers,
     *,
+    max_body_bytes: int,
     about: Mapping[str, str] | None = None,
     close: Callable[[], Awaitable[None]] = _nothing,
     token: str | None = None,
-    max_body_bytes: int = MAX_BODY_BYTES,
 ) -> FastAPI:
     """The service; it is ready when its default back end is. `about` is told by `/readyz`; `close` is called when
     it stops."""

@@ -1,44 +1,34 @@
-"""Settings of llm_parser, all optional.
-
-`PARSER_BACKEND` is `rules` (the default) or `chat`: what answers a question without a `model`. `GATEWAY_URL`,
-`GATEWAY_TOKEN`: the model gateway; `PARSER_MODEL`: the gateway's alias that `chat` asks by
-default, else the gateway's role `parser`;
-`PARSER_TIMEOUT_S`, `PARSER_MAX_TOKENS`: bounds of one call; `LLM_PARSER_TOKEN`, `MAX_BODY_BYTES`: this service's door.
-"""
+"""Settings in, a wired app out."""
 
 from fastapi import FastAPI
 
 from service_kit.client import ServiceClient
-from service_kit.settings import Settings
-from services.llm_parser.app import MAX_BODY_BYTES, Parsers, build_app
+from service_kit.settings import revealed
+from services.llm_parser.app import Parsers, build_app
 from services.llm_parser.chat.backend import ChatParser
 from services.llm_parser.port import Parser
 from services.llm_parser.rules.backend import RulesParser
-
-DEFAULT_PORT = 8101
-DEFAULT_GATEWAY = "http://127.0.0.1:8102"
+from services.llm_parser.settings import LlmParserSettings
 
 
-def bootstrap(settings: Settings) -> FastAPI:
-    """The app as the settings want it. Raises BadSetting."""
-    backend = settings.choice("PARSER_BACKEND", "rules", ("rules", "chat"))
-    max_tokens = settings.integer("PARSER_MAX_TOKENS", 2048, 64, 32_768)
+def bootstrap(settings: LlmParserSettings) -> FastAPI:
+    """The app as the settings want it."""
     gateway = ServiceClient(
         "vlm_gateway",
-        settings.text("GATEWAY_URL", DEFAULT_GATEWAY) or DEFAULT_GATEWAY,
-        timeout_s=settings.number("PARSER_TIMEOUT_S", 60.0, 0.1, 600.0),
-        token=settings.text("GATEWAY_TOKEN"),
+        settings.vlm_gateway_url,
+        timeout_s=settings.parser_timeout_s,
+        token=revealed(settings.gateway_token),
     )
 
     def chat(model: str | None) -> ChatParser:
-        return ChatParser(gateway, model, max_tokens=max_tokens)
+        return ChatParser(gateway, model, max_tokens=settings.parser_max_tokens)
 
     rules = RulesParser()
-    default: Parser = rules if backend == "rules" else chat(settings.text("PARSER_MODEL"))
+    default: Parser = rules if settings.parser_backend == "rules" else chat(settings.parser_model)
     return build_app(
         Parsers(rules=rules, default=default, chat=chat),
-        about={"backend": backend},
+        about={"backend": settings.parser_backend},
         close=gateway.close,
-        token=settings.text("LLM_PARSER_TOKEN"),
-        max_body_bytes=settings.integer("MAX_BODY_BYTES", MAX_BODY_BYTES, 1024, 1 << 24),
+        token=revealed(settings.llm_parser_token),
+        max_body_bytes=settings.llm_parser_max_body_bytes,
     )

@@ -1,22 +1,8 @@
 """`python -m services.sim`: the service as a process."""
 
-import os
-import sys
-
-from service_kit.run import run
-from service_kit.settings import BadSetting, Settings
-from services.sim.bootstrap import DEFAULT_PORT, bootstrap
-from services.sim.render.gl import NoGlContext
-
-
-def main() -> None:
-    settings = Settings(os.environ)
-    try:
-        app = bootstrap(settings)
-    except (BadSetting, NoGlContext) as error:
-        sys.exit(f"sim can't start: {error}")
-    run(app, settings, DEFAULT_PORT)
-
+from service_kit.run import main
+from services.sim.bootstrap import bootstrap
+from services.sim.settings import SimSettings
 
 if __name__ == "__main__":
-    main()
+    main("sim", SimSettings, bootstrap)

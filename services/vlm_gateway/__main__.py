@@ -1,16 +1,11 @@
-"""`python -m services.vlm_gateway`"""
+"""`python -m services.vlm_gateway`: the service as a process."""
 
-import os
-import sys
+from functools import partial
 
-from service_kit.run import run
-from service_kit.settings import BadSetting, Settings
-from services.vlm_gateway.bootstrap import DEFAULT_PORT, build
+from service_kit.run import main
+from service_kit.settings import process_environment
+from services.vlm_gateway.bootstrap import build
+from services.vlm_gateway.settings import GatewaySettings
 
 if __name__ == "__main__":
-    settings = Settings(os.environ)
-    try:
-        app = build(settings)
-    except BadSetting as error:
-        sys.exit(f"vlm_gateway can't start: {error}")
-    run(app, settings, DEFAULT_PORT)
+    main("vlm_gateway", GatewaySettings, partial(build, environment=process_environment()))

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from service_kit.metrics import HttpMetrics
-from service_kit.settings import BadSetting, Settings
+from service_kit.settings import BadSetting, revealed
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.lazy import LazyBackend
@@ -29,33 +29,32 @@ from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics, Price
+from services.vlm_gateway.settings import GatewaySettings
 from services.vlm_gateway.upstream.client import Upstream
 
-DEFAULT_PORT = 8102
 
-
-def build(settings: Settings) -> Frontend:
-    """Raises BadSetting, naming what is wrong and what would be right."""
-    path = settings.text("GATEWAY_CONFIG")
-    sim_url = settings.text("ORACLE_SIM_URL")
-    config = load_config(Path(path) if path else None, oracle_allowed=sim_url is not None, noise=_noise(settings))
-    where = path or "GATEWAY_CONFIG"
+def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend:
+    """`environment` holds the keys that the configuration names by their variables. Raises BadSetting, naming what is
+    wrong and what would be right."""
+    path, sim_url = settings.gateway_config, settings.oracle_sim_url
+    config = load_config(path, oracle_allowed=sim_url is not None, noise=_noise(settings))
+    where = str(path or "GATEWAY_CONFIG")
     http = HttpMetrics()
     figures = GatewayMetrics(http.registry, _prices(config.models))
     # keys and cache before models: what is quick to find wrong is told quickly
     keys = {
-        alias: api_key(alias, model, settings, where)
+        alias: api_key(alias, model, environment, where)
         for alias, model in config.models.items()
         if isinstance(model, ChatModelConfig)
     }
     cache = _guarded_cache(settings, figures)
-    sim = Sim(sim_url, settings.text("ORACLE_SIM_TOKEN"))
+    sim = Sim(sim_url, revealed(settings.sim_token))
     backends = {
         alias: _backend(alias, model, keys.get(alias), figures, sim, where) for alias, model in config.models.items()
     }
     gateway = Gateway(backends, config.roles, cache, figures)
-    callers = Keys(config.keys, settings.text("GATEWAY_TOKEN"))
-    return build_app(gateway, http, keys=callers, log_share=settings.number("REQUEST_LOG_SHARE", 0.01, 0.0, 1.0))
+    callers = Keys(config.keys, revealed(settings.gateway_token))
+    return build_app(gateway, http, keys=callers, log_share=settings.request_log_share)
 
 
 def _prices(models: Mapping[str, ModelConfig]) -> dict[str, Price]:
@@ -67,17 +66,14 @@ def _prices(models: Mapping[str, ModelConfig]) -> dict[str, Price]:
     }
 
 
-def _noise(settings: Settings) -> OracleNoise:
-    def rate(name: str) -> float:
-        return settings.number(name, 0.0, 0.0, 1.0)
-
+def _noise(settings: GatewaySettings) -> OracleNoise:
     return OracleNoise(
-        miss_rate=rate("ORACLE_MISS_RATE"),
-        false_claim_rate=rate("ORACLE_FALSE_CLAIM_RATE"),
-        floor_miscount_rate=rate("ORACLE_FLOOR_MISCOUNT_RATE"),
-        box_jitter=rate("ORACLE_BOX_JITTER"),
-        refusal_rate=rate("ORACLE_REFUSAL_RATE"),
-        seed=settings.integer("ORACLE_NOISE_SEED", 0, 0, 2**31 - 1),
+        miss_rate=settings.oracle_miss_rate,
+        false_claim_rate=settings.oracle_false_claim_rate,
+        floor_miscount_rate=settings.oracle_floor_miscount_rate,
+        box_jitter=settings.oracle_box_jitter,
+        refusal_rate=settings.oracle_refusal_rate,
+        seed=settings.oracle_noise_seed,
     )
 
 
@@ -132,9 +128,7 @@ def _embedded_revision() -> str:
     return digest.hexdigest()
 
 
-def _guarded_cache(settings: Settings, figures: GatewayMetrics) -> GuardedCache | None:
-    mode = settings.choice("CACHE_MODE", "on", ("on", "off", "replay"))
-    if mode == "off":
+def _guarded_cache(settings: GatewaySettings, figures: GatewayMetrics) -> GuardedCache | None:
+    if settings.cache_mode == "off":
         return None
-    cache = cache_of(settings)
-    return GuardedCache(cache, "replay" if mode == "replay" else "on", figures.cache_failed)
+    return GuardedCache(cache_of(settings), settings.cache_mode, figures.cache_failed)

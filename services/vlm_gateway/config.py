@@ -23,7 +23,7 @@ from pydantic import Field, ValidationError
 
 from contracts.base import Name, Unit, Wire
 from contracts.vlm_gateway import Role
-from service_kit.settings import BadSetting, Settings
+from service_kit.settings import BadSetting, secret
 from services.vlm_gateway.presets import BoxOrder, BoxStyle, Family, Server, Structured, families, servers
 
 ROLES: tuple[Role, ...] = ("parser", "floors", "recognition", "choice")
@@ -274,10 +274,10 @@ def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
     return ChatModel(alias=alias, config=config, family=family, server=server, base_url=base_url)
 
 
-def api_key(alias: str, config: ChatModelConfig, settings: Settings, where: str) -> str | None:
+def api_key(alias: str, config: ChatModelConfig, environment: Mapping[str, str], where: str) -> str | None:
     """The key out of the environment or a file. Raises BadSetting where a named key isn't there."""
     if config.api_key_env:
-        value = settings.text(config.api_key_env)
+        value = secret(environment, config.api_key_env)
         if not value:
             raise BadSetting(f"{where}: models.{alias}.api_key_env: {config.api_key_env} is not set")
         return _fit_for_a_header(value, f"{where}: models.{alias}.api_key_env: {config.api_key_env}")

@@ -25,10 +25,11 @@ from typing import IO, Any, NamedTuple
 import pybase64
 import zstandard
 
-from service_kit.settings import BadSetting, Settings
+from service_kit.settings import BadSetting, process_environment
 from services.vlm_gateway.cache.guard import MAX_VALUE_BYTES
 from services.vlm_gateway.cache.opened import MEBIBYTE, cache_of, sqlite_place
 from services.vlm_gateway.cache.port import Cache, CacheDown, Entry
+from services.vlm_gateway.settings import CacheSettings
 
 KIND, VERSION = "vlm_gateway recording", 1
 MAX_LINE_BYTES = 2 * MAX_VALUE_BYTES + 4096
@@ -193,13 +194,13 @@ def _entry(path: Path, number: int, document: dict[str, Any]) -> Entry:
     raise BadRecording(f"{path}: line {number} is no answer")
 
 
-async def _main(action: str, path: Path, settings: Settings) -> str:
+async def _main(action: str, path: Path, settings: CacheSettings) -> str:
     if action == "check":
         told = check(path)
         return f"{path} is sound: {told.answers} answers, {told.bytes} bytes"
     place = sqlite_place(settings)
     if action == "import" and place is not None:
-        room = settings.integer("CACHE_MAX_MB", 256, 1, 1024 * 1024) * MEBIBYTE
+        room = settings.cache_max_mb * MEBIBYTE
         needed = check(path).bytes
         if needed > room:
             raise BadRecording(f"{path} holds {needed} bytes, the cache at most {room}: set CACHE_MAX_MB higher")
@@ -219,9 +220,9 @@ def main(arguments: list[str]) -> int:
     if len(arguments) != 2 or arguments[0] not in ("export", "import", "check"):
         sys.stderr.write("usage: python -m services.vlm_gateway.recording export|import|check FILE\n")
         return 2
-    # what is taken in is meant to last; the file it came from does
-    settings = Settings({**os.environ, "CACHE_TTL_S": "0", "CACHE_TIMEOUT_S": "5"})
     try:
+        # what is taken in is meant to last; the file it came from does
+        settings = CacheSettings.read(process_environment() | {"CACHE_TTL_S": "0", "CACHE_TIMEOUT_S": "5"})
         said = asyncio.run(_main(arguments[0], Path(arguments[1]), settings))
     except (BadRecording, BadSetting, CacheDown) as error:
         sys.stderr.write(f"recording: {error}\n")

@@ -35,7 +35,7 @@ def measure(worlds: int, pixels: int, first_seed: int) -> dict[str, Any]:
         memory: Memory | None = None
         pose = task.start
         for _ in range(MAX_STEPS):
-            seen = tuple(views(task, pose, pinhole(pixels, pixels), rng, 0.01).values())
+            seen = tuple(views(task, pose, pinhole(pixels, pixels, 90.0), rng, 0.01).values())
             began = time.process_time()
             done = explore(memory, seen, pose, Settings())
             steps.append(1e3 * (time.process_time() - began))

@@ -17,6 +17,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.metrics.coverage import in_view
+from evaluation.metrics.proportion import share
+from evaluation.metrics.spl import Flown, spl
+from evaluation.task_set.task_files import load
 from navigation import safe_distance, viewpoint
 from navigation.camera import DepthView, Pose, move_pose, pinhole
 from navigation.explorer.explore import Memory, explore
@@ -35,10 +39,6 @@ from tests.navigation.explorer_worlds import (
 from tests.navigation.explorer_worlds import views as look
 from tests.navigation.raycast_world import HEADINGS, units
 from tests.navigation.scene_worlds import from_scene
-from vld.metrics.coverage import in_view
-from vld.metrics.proportion import share
-from vld.metrics.spl import Flown, spl
-from vld.tasks import load
 
 MAX_STEPS = 30
 RADIUS_M = 0.35
@@ -95,13 +95,15 @@ def paper() -> Policy:
     def step(views: dict[int, DepthView], pose: Pose) -> Move:
         nonlocal d_max
         means = {
-            h: viewpoint.slice_means(units(v.depth_m), 0.002, settings.slices, settings.sensor_range_m)
+            str(h): viewpoint.Sliced(
+                h, viewpoint.slice_means(units(v.depth_m), 0.002, settings.slices, settings.sensor_range_m)
+            )
             for h, v in views.items()
         }
         choice = viewpoint.choose_view(means, settings, d_max, np.random.default_rng(0))
         d_max = choice.d_max_next_m
         others = [views[h] for h in HEADINGS if h != choice.heading_deg]
-        points = safe_distance.safe_distances(views[choice.heading_deg], others, safe_distance.Settings())
+        points = safe_distance.safe_distances(views[int(choice.heading_deg)], others, safe_distance.Settings())
         centre = points[2]
         free = centre if centre.corridor.distance_m >= 1.0 else max(points, key=lambda p: p.corridor.distance_m)
         if free.corridor.distance_m < 1.0:
@@ -119,7 +121,7 @@ def fly(
     `absent`: the window is never seen, so that the search ends by itself."""
     rng = np.random.default_rng(len(task.name) + int(1000 * task.shortest_m))
     astray = float(rng.uniform(0, math.tau))
-    camera = pinhole(columns, max(8, columns // 8))
+    camera = pinhole(columns, max(8, columns // 8), 90.0)
     pose, flown = task.start, 0.0
     spent: list[float] = []
     covered, over, found, collided = 0.0, False, False, False

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from evaluation.metrics.spl import Flown, spl
+from evaluation.task_set.task_files import load
 from navigation.explorer import goal
 from navigation.explorer.explore import Memory, explore
 from navigation.explorer.settings import Settings
 from tests.load.explorer_study import Flight, Move, Policy, fly
 from tests.navigation.explorer_worlds import AROUND, SHAPES, Task, make_task
 from tests.navigation.scene_worlds import from_scene
-from vld.metrics.spl import Flown, spl
-from vld.tasks import load
 
 MOST_TIES = 3
 

@@ -9,8 +9,9 @@ from fastapi import FastAPI
 from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
-from mission.clients import Addresses, Services
+from mission.clients import Services
 from mission.ports import ModelUnreachable, ServiceRefused
+from service_kit.addresses import Addresses
 from service_kit.app import create_app
 from service_kit.errors import ServiceError
 

@@ -36,12 +36,12 @@ async def test_a_window_on_the_far_side_is_found_by_the_contour_explorer() -> No
 async def test_every_step_of_the_contour_explorer_leaves_what_a_viewer_can_draw() -> None:
     log = Events()
     await fly(BlockWorld(BEHIND), log)
-    steps = [e.data["explore"] for e in log.of("contour")]
+    steps = [e.data.explore for e in log.of("contour")]
     assert len(steps) > 1
-    assert all(s["drawing"]["inspected"] and "map" not in s for s in steps)
-    assert any(s["drawing"]["expected"] for s in steps)
-    assert all(0.0 < s["inspected_share"] < 1.0 for s in steps)
-    inspected = [len(s["drawing"]["inspected"]) for s in steps]
+    assert all(s.drawing.inspected for s in steps)
+    assert any(s.drawing.expected for s in steps)
+    assert all(0.0 < s.inspected_share < 1.0 for s in steps)
+    inspected = [len(s.drawing.inspected) for s in steps]
     assert inspected == sorted(inspected)
 
 
@@ -51,10 +51,10 @@ async def test_a_search_that_has_seen_it_all_ends_with_the_share_of_the_facade_i
     nothing = FindObjectAnswer(role="recognition", found=False, matches=(), **WHO)
     result = await fly(world, log, BlockVision(world, says={"find_object": [nothing] * 40}))
     assert result.outcome == "object_not_found"
-    last = log.of("contour")[-1].data["explore"]
-    assert last["status"] == "done"
-    assert last["inspected_share"] > 0.98
-    assert f"{100 * last['inspected_share']:.0f} % of the facade" in result.message
+    last = log.of("contour")[-1].data.explore
+    assert last.status == "done"
+    assert last.inspected_share > 0.98
+    assert f"{100 * last.inspected_share:.0f} % of the facade" in result.message
     assert result.exploration_steps < 30
 
 
@@ -82,9 +82,9 @@ async def test_the_same_thing_on_a_neighbour_s_wall_is_passed_by() -> None:
     twin = Block(x0=21.0, x1=29.0, y0=-10.0, y1=10.0, thing=(20.8, -4.0, 10.5))
     world = BlockWorld(replace(BEHIND, neighbour=twin))
     result = await fly(world, log, TwinVision(world))
-    told = [s for e in log.of("look") for s in e.data["sightings"]]
-    assert "not on the building searched" in {s["rejected"] for s in told}
-    assert all(s["place"]["x"] < 15.0 for s in told if s["accepted"])
+    told = [s for e in log.of("look") for s in e.data.sightings]
+    assert "not on the building searched" in {s.rejected for s in told}
+    assert all(s.place.x < 15.0 for s in told if s.accepted)
     assert result.outcome == "delivered"
 
 

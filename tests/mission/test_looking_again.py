@@ -112,10 +112,11 @@ async def test_the_way_back_from_a_dropped_candidate_goes_round_every_corner_of_
     moves = log.of("move")
     back = next(i for i, move in enumerate(moves) if "back to" in move.message)
     legs = [move for move in moves[:back] if "of the approach" in move.message]
-    there = [point for leg in legs for point in leg.data["path"]]
-    start = {axis: legs[0].data["from"][axis] for axis in "xyz"}
-    assert moves[back].data["path"] == [*reversed(there[:-1]), start]
-    assert any(point["z"] != start["z"] for point in moves[back].data["path"])
+    there = [point for leg in legs for point in leg.data.path]
+    begun = legs[0].data.start
+    start = Point3(x=begun.x, y=begun.y, z=begun.z)
+    assert moves[back].data.path == (*reversed(there[:-1]), start)
+    assert any(point.z != start.z for point in moves[back].data.path)
 
 
 @pytest.mark.parametrize(("thing", "outcome"), [(0.95, "delivered"), (0.84, "wrong_window")])
@@ -130,7 +131,7 @@ async def test_a_dropped_candidate_is_not_flown_to_twice() -> None:
     result, log, _ = await fly(nowhere, MIDDLING)
     assert result.outcome == "object_not_found"
     assert len(log.of("lost")) == 1
-    assert any(s["rejected"] == "looked at from near before" for e in log.of("look") for s in e.data["sightings"])
+    assert any(s.rejected == "looked at from near before" for e in log.of("look") for s in e.data.sightings)
 
 
 async def test_what_is_below_a_candidate_is_never_flown_to() -> None:

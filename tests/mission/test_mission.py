@@ -7,8 +7,9 @@ import math
 import pytest
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ViewpointSettings
+from contracts.events import Event, new_event
 from contracts.geometry import Box, Point3, Pose
-from contracts.orchestrator import DeliveryResult, Event, MissionSettings
+from contracts.orchestrator import DeliveryResult, MissionSettings
 from contracts.scene import FreePlace, Scene, SceneObject
 from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, FloorCountQuestion, Match
@@ -32,18 +33,9 @@ PAPER = ViewpointSettings(policy="paper")
 class Events(list[Event]):
     """A log that keeps events in memory."""
 
-    def write(self, phase, kind, message, data=None, pictures=None):
-        self.append(
-            Event(
-                number=len(self) + 1,
-                time_s=0.0,
-                phase=phase,
-                kind=kind,
-                message=message,
-                data=dict(data or {}),
-                pictures=tuple(pictures() if pictures else ()),
-            )
-        )
+    def write(self, phase, message, data, pictures=None):
+        names = tuple(pictures() if pictures else ())
+        self.append(new_event(data, number=len(self) + 1, time_s=0.0, phase=phase, message=message, pictures=names))
 
     def of(self, kind: str) -> list[Event]:
         return [e for e in self if e.kind == kind]
@@ -77,7 +69,7 @@ async def test_a_window_on_the_far_side_is_found_by_flying_clockwise_round_the_b
     log = Events()
     result = await fly(BlockWorld(BEHIND), log=log)
     assert result.outcome == "delivered"
-    bearings = [math.atan2(e.data["to"]["y"], e.data["to"]["x"]) for e in log.of("move") if e.phase == "explore"]
+    bearings = [math.atan2(e.data.to.y, e.data.to.x) for e in log.of("move") if e.phase == "explore"]
     assert all(math.remainder(b - a, math.tau) < 0.05 for a, b in itertools.pairwise(bearings))
 
 
@@ -115,7 +107,7 @@ async def test_a_floor_whose_windows_lie_on_the_edge_of_two_pictures_is_counted_
     log = Events()
     result = await fly(world, vision=vision(world), log=log, request="floor 9, the green flower pot",
                        max_exploration_steps=1)  # fmt: skip
-    assert sum(e.data["floors_new"] for e in log.of("floor_count")) == 11
+    assert sum(e.data.floors_new for e in log.of("floor_count")) == 11
     assert result.final_height_m == pytest.approx(25.5, abs=0.7)
 
 
@@ -132,14 +124,14 @@ async def test_direct_count_comes_back_to_the_facade_over_what_stands_behind_the
     house = Block(x0=-8.0, x1=8.0, y0=-50.0, y1=-30.0, floors=3)
     tower = Block(floors=16, thing=(3.0, -6.2, 4.5), neighbour=house)
     result = await fly(BlockWorld(tower), log=log, request="floor 2, the green flower pot", floors="direct-count")
-    assert min(e.data["to"]["y"] for e in log.of("move")) < house.y1  # it was above the house
+    assert min(e.data.to.y for e in log.of("move")) < house.y1  # it was above the house
     assert result.outcome == "delivered"
 
 
 async def test_steps_count_stops_with_a_model_query_and_several_queries_at_one_stop_once() -> None:
     log = Events()
     result = await fly(BlockWorld(BEHIND), log=log)
-    stops = {tuple(e.data["pose"].values()) for e in log if e.kind in ("floor_count", "building_box", "look")}
+    stops = {e.data.pose for e in log if e.kind in ("floor_count", "building_box", "look")}
     assert result.steps == len(stops)
     assert result.exploration_steps == len([e for e in log.of("look") if e.phase == "explore"])
 
@@ -219,7 +211,7 @@ async def test_an_unreadable_floor_count_is_asked_again_from_a_different_look_an
     once = await fly(world, vision=BlockVision(world, {"floor_count": [useless]}), log=log)
     assert once.outcome == "delivered"
     assert once.model_calls["floors"].unreadable == 1
-    yaws = [e.data["pose"]["yaw"] for e in log.of("floor_count")]
+    yaws = [e.data.pose.yaw for e in log.of("floor_count")]
     assert yaws[0] != yaws[1]
     always = await fly(world, vision=BlockVision(world, {"floor_count": [useless] * 9}), max_model_failures=2)
     assert always.outcome == "answer_unreadable"
@@ -241,7 +233,7 @@ async def test_an_unreadable_choice_falls_back_to_the_centre_and_is_counted() ->
     result = await fly(world, vision=BlockVision(world, {"choose_direction": [useless]}), log=log)
     assert result.outcome == "delivered"
     assert result.model_calls["choice"].unreadable == 1
-    assert log.of("direction")[0].data["label"] == "c"
+    assert log.of("direction")[0].data.label == "c"
     assert "unreadable" in log.of("direction")[0].message
 
 
@@ -251,7 +243,7 @@ async def test_a_choice_that_was_not_offered_is_not_flown() -> None:
     odd = ChooseDirectionAnswer(role="choice", label="e", **WHO)
     await fly(world, vision=BlockVision(world, {"choose_direction": [odd]}), log=log)
     first = log.of("direction")[0].data
-    assert first["label"] in first["offered"]
+    assert first.label in first.offered
 
 
 async def test_the_centre_ablation_asks_no_choice_model() -> None:
@@ -264,7 +256,7 @@ async def test_the_centre_ablation_asks_no_choice_model() -> None:
 async def test_the_default_viewpoint_always_takes_the_right_view() -> None:
     log = Events()
     await fly(BlockWorld(BEHIND), log=log, viewpoint=ViewpointSettings(policy="default"), max_exploration_steps=4)
-    assert {e.data["heading_deg"] for e in log.of("direction")} == {90}
+    assert {e.data.heading_deg for e in log.of("direction")} == {90}
 
 
 async def test_only_ways_over_the_threshold_are_offered_and_without_one_the_drone_turns_30_degrees_left() -> None:
@@ -273,7 +265,7 @@ async def test_only_ways_over_the_threshold_are_offered_and_without_one_the_dron
     turns = [e for e in log.of("turn") if e.phase == "explore"]
     assert len(turns) == 2
     for turn in turns:
-        left = math.remainder(turn.data["to"]["yaw"] - turn.data["from"]["yaw"], math.tau)
+        left = math.remainder(turn.data.to.yaw - turn.data.start.yaw, math.tau)
         assert left == pytest.approx(math.radians(30), abs=1e-6)
 
 
@@ -286,7 +278,7 @@ async def test_a_match_on_another_floor_or_without_depth_is_rejected() -> None:
     log = Events()
     result = await fly(world, vision=BlockVision(world, {"find_object": [said]}), log=log, max_exploration_steps=1)
     assert result.outcome == "object_not_found"
-    reasons = [s["rejected"] for s in log.of("look")[0].data["sightings"]]
+    reasons = [s.rejected for s in log.of("look")[0].data.sightings]
     assert "not on the floor" in reasons[0]
     assert reasons[1] == "no depth in its box"
 
@@ -323,7 +315,7 @@ async def test_a_sighting_whose_way_is_not_free_is_tried_again_from_elsewhere(ti
     settings = MissionSettings(viewpoint=PAPER, max_exploration_steps=12)
     result = await Mission(ports, settings, log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
     assert result.outcome == outcome
-    tried = [e.data["pose"] for e in log.of("look") if any(s["accepted"] for s in e.data["sightings"])]
+    tried = [e.data.pose for e in log.of("look") if e.data.accepted]
     assert tried[0] != tried[1]
 
 
@@ -355,7 +347,7 @@ async def test_what_no_way_leads_to_is_looked_at_from_another_side_before_the_se
     )
     assert result.outcome == "delivered"
     assert sum("another side" in e.message for e in log.of("move")) == min(times, 2)
-    assert [e.data["blocked"] for e in log.of("lost")][:1] == [True] * lost
+    assert [e.data.blocked for e in log.of("lost")][:1] == [True] * lost
 
 
 class ThroughTheWall(LocalDepthAssist):
@@ -376,7 +368,7 @@ async def test_a_collision_ends_the_mission_at_once() -> None:
     )
     assert result.outcome == "collision"
     assert "house" in result.message
-    assert log[-1].data["hit"] == "house"
+    assert log[-1].data.hit == "house"
     assert world.ended == ["e1"]
 
 

@@ -4,7 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from contracts.orchestrator import Delivery, DeliveryQuestion, Event
+from contracts.event_data import LostData, NoData
+from contracts.events import Event
+from contracts.geometry import Point3
+from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import draw_summary
@@ -25,8 +28,9 @@ def test_events_are_on_disk_before_anybody_hears_of_them(tmp_path: Path) -> None
         heard.append(len(read_events(tmp_path / "d")))
 
     record = record_in(tmp_path / "d", listener=listen)
-    record.write("parse", "phase", "one")
-    record.write("floors", "floor_count", "two", {"floors": 3}, lambda: {"view": b"\xff\xd8 not really"})
+    record.write("parse", "one", NoData())
+    lost = LostData(place=Point3(x=0.0, y=0.0, z=0.0), blocked=True)
+    record.write("approach", "two", lost, lambda: {"view": b"\xff\xd8 not really"})
     record.close()
     assert heard == [1, 2]
     event = read_events(tmp_path / "d")[1]
@@ -36,7 +40,7 @@ def test_events_are_on_disk_before_anybody_hears_of_them(tmp_path: Path) -> None
 
 def test_a_line_that_a_crash_cut_off_ends_the_events_and_the_delivery_has_failed(tmp_path: Path) -> None:
     record = record_in(tmp_path / "d")
-    record.write("parse", "phase", "one")
+    record.write("parse", "one", NoData())
     record.close()
     with (tmp_path / "d" / "events.jsonl").open("a") as file:
         file.write('{"number":2,"time_s":1.0,"pha')

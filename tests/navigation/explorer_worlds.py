@@ -6,11 +6,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView, Pinhole, Pose
+from evaluation.scene_generator.footprints import distance_to_outline, outline, rotated
+from evaluation.scene_generator.scene_plan import FootprintSpec, Shape
+from navigation.camera import Camera, DepthView, Pose
 from navigation.shortest_path import NoWay, VisibilityGraph
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle
-from vld.footprints import distance_to_outline, outline, rotated
-from vld.scene_plan import FootprintSpec, Shape
 
 Around = Literal["none", "street", "ring"]
 SHAPES: tuple[Shape, ...] = ("rectangle", "l", "u", "t", "plus", "octagon")
@@ -117,13 +117,14 @@ def before(window: Xy, normal: Xy) -> Xy:
     return window[0] + normal[0] * STOP_M, window[1] + normal[1] * STOP_M
 
 
-def views(task: Task, pose: Pose, camera: Pinhole, rng: np.random.Generator, noise: float) -> dict[int, DepthView]:
+def views(task: Task, pose: Pose, camera: Camera, rng: np.random.Generator, noise: float) -> dict[int, DepthView]:
     """The five views, range noise relative to the range."""
     seen = {}
     for heading in HEADINGS:
-        depth = task.world.depth(pose, heading, camera)
+        turned = camera._replace(heading_deg=heading)
+        depth = task.world.depth(pose, turned)
         scale = 1.0 + noise * rng.standard_normal(depth.shape[1])
-        seen[heading] = DepthView(heading, (depth * scale).astype(np.float32))
+        seen[heading] = DepthView(turned, (depth * scale).astype(np.float32))
     return seen
 
 

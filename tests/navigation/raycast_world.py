@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import Depth, DepthView, Pinhole, Pose, column_slopes, direction, pinhole
+from navigation.camera import Camera, Depth, DepthView, Pose, column_slopes, direction, eye_of, pinhole
 
 HEADINGS = (-90, -45, 0, 45, 90)
 
@@ -33,13 +33,14 @@ class World:
         self.ground = ground
         self.sensor_range_m = sensor_range_m
 
-    def depth(self, pose: Pose, heading_deg: float, camera: Pinhole) -> Depth:
-        """(H, W) planar depth, inf beyond the sensor's range."""
-        forward = np.array(direction(pose.yaw, heading_deg))
+    def depth(self, pose: Pose, camera: Camera) -> Depth:
+        """(H, W) planar depth of a level camera, inf beyond the sensor's range."""
+        pose = Pose(*eye_of(camera, pose), pose.yaw)
+        forward = np.array(direction(pose.yaw, camera.heading_deg))
         right = np.array((forward[1], -forward[0]))
         rays = forward + column_slopes(camera).astype(np.float64)[:, None] * right  # planar depth 1
         y = np.arange(camera.height) + 0.5
-        climbs = ((camera.height / 2 - y) / camera.focal_px)[:, None]
+        climbs = ((camera.cy_px - y) / camera.fy_px)[:, None]
         eye = np.array((pose.x, pose.y))
         nearest = np.full((camera.height, camera.width), np.inf)
         edge = float(np.abs(column_slopes(camera)).max())
@@ -68,9 +69,12 @@ class World:
             nearest = np.minimum(nearest, t)
         return np.where(nearest <= self.sensor_range_m, nearest, np.inf).astype(np.float32)
 
-    def views(self, pose: Pose, camera: Pinhole | None = None) -> dict[int, DepthView]:
-        camera = camera or pinhole(160, 48)
-        return {heading: DepthView(heading, self.depth(pose, heading, camera)) for heading in HEADINGS}
+    def views(self, pose: Pose, camera: Camera | None = None) -> dict[int, DepthView]:
+        camera = camera or pinhole(160, 48, 90.0)
+        return {heading: self.view(pose, camera._replace(heading_deg=heading)) for heading in HEADINGS}
+
+    def view(self, pose: Pose, camera: Camera) -> DepthView:
+        return DepthView(camera, self.depth(pose, camera))
 
     def gap_m(self, places: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) distance of places (N, 3) to the nearest solid, 0 inside."""

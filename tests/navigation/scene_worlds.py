@@ -7,14 +7,14 @@ plates, trees are poles as wide as their crowns.
 import numpy as np
 
 from contracts.scene_layout import Facade, WindowSlot, facades, floor_outline, wall_height_m, window_slots
+from evaluation.metrics.ideal_lap import laps_of
+from evaluation.task_set.shortest import goal_slot
+from evaluation.task_set.task import Task as SetTask
 from navigation.camera import Pose
 from navigation.shortest_path import VisibilityGraph
 from tests.navigation.explorer_worlds import ROUTE_CLEARANCE_M, Task
 from tests.navigation.raycast_world import Prism, rectangle
 from tests.navigation.raycast_world import World as RaycastWorld
-from vld.metrics.ideal_lap import laps_of
-from vld.records import Task as SetTask
-from vld.shortest import goal_slot
 
 Xy = tuple[float, float]
 RAIL_M = 1.03

@@ -13,7 +13,7 @@ from navigation.target import Settings as TargetSettings
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle
 
 NORTH = math.pi / 2
-CAMERA = pinhole(160, 160)
+CAMERA = pinhole(160, 160, 90.0)
 WALL = Prism(rectangle(0.0, 5.0, 60.0, 10.0), 0.0, 20.0)  # its south face is y = 0
 POT = Prism(rectangle(1.0, -0.15, 0.6, 0.3), 8.0, 8.6)  # on a sill; its front is y = -0.3
 
@@ -180,7 +180,7 @@ def test_without_depth_in_the_box_there_is_no_target() -> None:
     views = World([]).views(Pose(0.0, 0.0, 8.0, NORTH), CAMERA)
     sky = plan_approach(views[0], (), Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), Settings(), 40.0)
     assert sky == Approach("no_depth")
-    invalid = DepthView(0.0, np.full((20, 20), np.nan, np.float32))
+    invalid = DepthView(pinhole(20, 20, 90.0), np.full((20, 20), np.nan, np.float32))
     assert locate(invalid, Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), TargetSettings()) is None
 
 

@@ -5,39 +5,43 @@ import math
 import numpy as np
 import pytest
 
-from navigation.camera import Depth, Pose, pinhole
+from navigation.camera import Depth, DepthView, Pose, pinhole
 from navigation.facade import Settings, facade_top_m, stand_off_m, wall_at_row_m
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 USUAL = Settings()
-CAMERA = pinhole(200, 200)
+CAMERA = pinhole(200, 200, 90.0)
 
 
 def _front(*prisms: Prism, z: float = 9.0, away: float = 9.0) -> Depth:
     """From `away` metres south of y = 0, looking north."""
-    return World(prisms, ground=True).depth(Pose(0.0, -away, z, math.pi / 2), 0, CAMERA)
+    return World(prisms, ground=True).depth(Pose(0.0, -away, z, math.pi / 2), CAMERA)
 
 
 def _block(top: float, y: float = 5.0, depth: float = 10.0, bottom: float = 0.0) -> Prism:
     return Prism(rectangle(0.0, y, 30.0, depth), bottom, top)
 
 
+def _seen(depth: Depth) -> DepthView:
+    return DepthView(pinhole(depth.shape[1], depth.shape[0], 90.0), depth)
+
+
 def _top(depth: Depth, z: float = 9.0, stand_off: float = 9.0) -> float | None:
-    return facade_top_m(depth, stand_off, z, USUAL)
+    return facade_top_m(_seen(depth), stand_off, z, USUAL)
 
 
 def test_the_stand_off_is_the_facades_distance() -> None:
-    assert stand_off_m(_front(_block(20.0)), USUAL) == pytest.approx(9.0)
+    assert stand_off_m(_seen(_front(_block(20.0))), USUAL) == pytest.approx(9.0)
 
 
 def test_a_pole_in_front_does_not_change_the_stand_off() -> None:
     pole = Prism(rectangle(0.3, -4.0, 0.2, 0.2), 0.0, 30.0)
-    assert stand_off_m(_front(_block(20.0), pole), USUAL) == pytest.approx(9.0)
+    assert stand_off_m(_seen(_front(_block(20.0), pole)), USUAL) == pytest.approx(9.0)
 
 
 def test_without_a_facade_there_is_no_stand_off() -> None:
-    assert stand_off_m(np.full((50, 50), np.inf, np.float32), USUAL) is None
-    assert stand_off_m(np.full((50, 50), np.nan, np.float32), USUAL) is None
+    assert stand_off_m(_seen(np.full((50, 50), np.inf, np.float32)), USUAL) is None
+    assert stand_off_m(_seen(np.full((50, 50), np.nan, np.float32)), USUAL) is None
 
 
 @pytest.mark.parametrize("top", [4.0, 10.0, 15.0, 17.5])
@@ -88,7 +92,7 @@ def test_the_wall_at_a_row_is_measured_there_and_the_stand_off_stands_in_for_wha
     depth[60:80] = 10.5
     depth[80:] = 8.0  # a balcony
     settings = Settings()
-    assert wall_at_row_m(depth, 0.70, 10.0, settings) == pytest.approx(10.5)
-    assert wall_at_row_m(depth, 0.30, 10.0, settings) == 10.0
-    assert wall_at_row_m(depth, 0.90, 10.0, settings) == 10.0
-    assert wall_at_row_m(np.full((100, 100), np.inf, np.float32), 0.5, 10.0, settings) == 10.0
+    assert wall_at_row_m(_seen(depth), 0.70, 10.0, settings) == pytest.approx(10.5)
+    assert wall_at_row_m(_seen(depth), 0.30, 10.0, settings) == 10.0
+    assert wall_at_row_m(_seen(depth), 0.90, 10.0, settings) == 10.0
+    assert wall_at_row_m(_seen(np.full((100, 100), np.inf, np.float32)), 0.5, 10.0, settings) == 10.0

@@ -13,6 +13,7 @@ from navigation.floor_localization import (
     FloorNotFound,
     Recount,
     Settings,
+    VerticalView,
     WindowRows,
     across_edge,
     band,
@@ -25,12 +26,13 @@ from navigation.floor_localization import (
 )
 
 UPPER = Settings()
+SQUARE = VerticalView(1.0, 1.0)
 CAMERA = Settings(reading="camera_height")
 
 
 def test_a_band_is_what_the_camera_sees_at_its_stand_off() -> None:
-    assert band_span_m(10.0, math.pi / 2) == pytest.approx(20.0)
-    assert band_span_m(9.0, math.radians(60.0)) == pytest.approx(18.0 / math.sqrt(3))
+    assert band_span_m(10.0, SQUARE) == pytest.approx(20.0)
+    assert band_span_m(9.0, VerticalView(1 / math.sqrt(3), 1 / math.sqrt(3))) == pytest.approx(18.0 / math.sqrt(3))
 
 
 def test_bands_touch_and_the_camera_stands_in_their_middle() -> None:
@@ -38,10 +40,20 @@ def test_bands_touch_and_the_camera_stands_in_their_middle() -> None:
     assert band(3, 18.0) == Band(3, 36.0, 54.0, 45.0)
 
 
-@pytest.mark.parametrize("bad", [(0.0, 1.0), (-3.0, 1.0), (math.nan, 1.0), (5.0, 0.0), (5.0, 3.2)])
+def test_a_camera_that_sees_farther_up_than_down_stands_low_in_its_band() -> None:
+    view = VerticalView(1.5, 0.5)
+    here = band(1, band_span_m(10.0, view), view.camera_at)
+    assert here == Band(1, 0.0, 20.0, 5.0)
+    climb = decide(here, 0, 4, 9, None, UPPER)
+    assert isinstance(climb, Climb)
+    assert climb.band == Band(2, 20.0, 40.0, 25.0)
+    assert [row_height_m(row, 5.0, 10.0, view) for row in (0.0, 0.75, 1.0)] == [20.0, 5.0, 0.0]
+
+
+@pytest.mark.parametrize("bad", [(0.0, 1.0), (-3.0, 1.0), (math.nan, 1.0), (5.0, 0.0), (5.0, -0.2)])
 def test_an_impossible_band_is_refused(bad: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="no band"):
-        band_span_m(*bad)
+        band_span_m(bad[0], VerticalView(bad[1], bad[1]))
 
 
 def test_eq3_by_hand_in_the_first_band() -> None:
@@ -127,7 +139,7 @@ def test_with_exact_counts_the_height_error_is_zero(
     """Exact: the share of a floor that a band's edge cuts off counts as that share."""
     target = data.draw(st.integers(1, floors))
     roof = floor_m * floors
-    here, counted = band(1, band_span_m(stand_off, math.pi / 2)), 0.0
+    here, counted = band(1, band_span_m(stand_off, SQUARE)), 0.0
     for _ in range(60):
         top_in_sight = roof if roof_in_sight or here.upper_m >= roof else None
         exact = (min(here.upper_m, roof) - here.lower_m) / floor_m
@@ -146,7 +158,7 @@ def test_with_whole_counts_by_the_middle_rule_the_error_stays_within_half_a_floo
 ) -> None:
     """A floor counts in the band that its middle lies in, so each is counted once and bands are off by half at most."""
     target = data.draw(st.integers(1, floors))
-    here, counted = band(1, band_span_m(stand_off, math.pi / 2)), 0.0
+    here, counted = band(1, band_span_m(stand_off, SQUARE)), 0.0
     for _ in range(60):
         middles = [(k + 0.5) * floor_m for k in range(floors)]
         new = sum(here.lower_m <= m < here.upper_m for m in middles)
@@ -176,9 +188,9 @@ def test_direct_count_has_the_same_outcomes() -> None:
 
 
 def test_rows_become_heights_on_an_upright_facade() -> None:
-    assert row_height_m(0.5, 9.0, 9.0, math.pi / 2) == 9.0
-    assert row_height_m(0.0, 9.0, 9.0, math.pi / 2) == pytest.approx(18.0)
-    assert row_height_m(0.75, 9.0, 8.0, math.pi / 2) == pytest.approx(5.0)
+    assert row_height_m(0.5, 9.0, 9.0, SQUARE) == 9.0
+    assert row_height_m(0.0, 9.0, 9.0, SQUARE) == pytest.approx(18.0)
+    assert row_height_m(0.75, 9.0, 8.0, SQUARE) == pytest.approx(5.0)
 
 
 def test_a_gable_over_the_topmost_floor_does_not_lift_the_height_above_its_windows() -> None:
@@ -187,7 +199,7 @@ def test_a_gable_over_the_topmost_floor_does_not_lift_the_height_above_its_windo
     assert isinstance(final, FinalHeight)
     assert final.height_m == pytest.approx(10.417, abs=0.001)
     rows = tuple(0.5 + (9.0 - z) / 18.0 for z in (7.5, 4.5, 1.5))
-    held = corrected(final, 3, WindowRows(rows, 9.0, 9.0, math.pi / 2), UPPER)
+    held = corrected(final, 3, WindowRows(rows, 9.0, 9.0, SQUARE), UPPER)
     assert held == FinalHeight(pytest.approx(7.5), pytest.approx(3.0), 3)
 
 
@@ -198,12 +210,12 @@ def test_a_gable_over_the_topmost_floor_does_not_lift_the_height_above_its_windo
 )
 def test_rows_that_tell_nothing_new_leave_eq3_alone(rows: tuple[float, ...], target: int) -> None:
     final = FinalHeight(7.4, 3.0, 3)
-    assert corrected(final, target, WindowRows(rows, 9.0, 9.0, math.pi / 2), UPPER) == final
+    assert corrected(final, target, WindowRows(rows, 9.0, 9.0, SQUARE), UPPER) == final
 
 
 def test_the_literal_reading_is_never_corrected() -> None:
     final = FinalHeight(12.0, 3.0, 3)
-    assert corrected(final, 3, WindowRows((0.3, 0.5, 0.7), 9.0, 9.0, math.pi / 2), CAMERA) == final
+    assert corrected(final, 3, WindowRows((0.3, 0.5, 0.7), 9.0, 9.0, SQUARE), CAMERA) == final
 
 
 WINDOWS_OF_3_M = [1.6 + 3.0 * k for k in range(12)]
@@ -215,7 +227,7 @@ def rows_seen(stand_off_m: float, number: int, middles: list[float] = WINDOWS_OF
     camera_m = band(number, 2 * stand_off_m).camera_m
     rows = sorted(0.5 - (z - camera_m) / stand_off_m / 2 for z in middles)
     inside = tuple(min(1.0, max(0.0, row)) for row in rows if -slack <= row <= 1.0 + slack)
-    return WindowRows(inside, camera_m, stand_off_m, math.pi / 2)
+    return WindowRows(inside, camera_m, stand_off_m, SQUARE)
 
 
 @pytest.mark.parametrize(("slack", "new_rows"), [(1e-6, 6), (-1e-6, 5)], ids=["in both pictures", "in neither"])
@@ -262,5 +274,5 @@ def test_every_floor_is_counted_once_wherever_the_bands_touch(stand_off_m: float
     ids=["a floor apart", "nothing new", "too few to tell a floor's height", "nothing below"],
 )
 def test_rows_that_are_floors_of_their_own_stay_as_they_are(rows: tuple[float, ...], below: tuple[float, ...]) -> None:
-    here, before = WindowRows(rows, 24.9, 8.3, math.pi / 2), WindowRows(below, 8.3, 8.3, math.pi / 2)
+    here, before = WindowRows(rows, 24.9, 8.3, SQUARE), WindowRows(below, 8.3, 8.3, SQUARE)
     assert across_edge(here, before, 16.6) == rows

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from navigation import safe_distance, viewpoint
-from navigation.camera import Pinhole, Pose, move_pose, pinhole
+from navigation.camera import Camera, Pose, move_pose, pinhole
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle, units, winding_deg
 
 MIN_MOVE_M = 1.0
 FALLBACK_TURN = math.radians(30.0)
-CAMERA = pinhole(120, 24)
+CAMERA = pinhole(120, 24, 90.0)
 
 
 class Lap(NamedTuple):
@@ -21,7 +21,7 @@ class Lap(NamedTuple):
     nearest_m: float
 
 
-def fly(world: World, start: Pose, settings: viewpoint.Settings, camera: Pinhole, max_steps: int) -> Lap:
+def fly(world: World, start: Pose, settings: viewpoint.Settings, camera: Camera, max_steps: int) -> Lap:
     """Steps of eq. 4-7 about the origin until a full turn in the wanted direction, or too many steps."""
     side = 1 if settings.direction == "clockwise" else -1
     pose, d_max, nearest = start, None, math.inf
@@ -29,13 +29,15 @@ def fly(world: World, start: Pose, settings: viewpoint.Settings, camera: Pinhole
     for step in range(1, max_steps + 1):
         views = world.views(pose, camera)
         means = {
-            heading: viewpoint.slice_means(units(view.depth_m), 0.002, settings.slices, settings.sensor_range_m)
+            str(heading): viewpoint.Sliced(
+                heading, viewpoint.slice_means(units(view.depth_m), 0.002, settings.slices, settings.sensor_range_m)
+            )
             for heading, view in views.items()
         }
         choice = viewpoint.choose_view(means, settings, d_max, np.random.default_rng(step))
         d_max = choice.d_max_next_m
         others = [views[heading] for heading in HEADINGS if heading != choice.heading_deg]
-        centre = safe_distance.safe_distances(views[choice.heading_deg], others, safe_distance.Settings())[2]
+        centre = safe_distance.safe_distances(views[int(choice.heading_deg)], others, safe_distance.Settings())[2]
         distance = centre.corridor.distance_m
         if distance < MIN_MOVE_M:
             pose = pose._replace(yaw=pose.yaw + side * FALLBACK_TURN)
@@ -89,7 +91,7 @@ def test_counter_clockwise_is_the_mirror_image_of_the_lap() -> None:
 
 def test_street_and_roof_in_the_picture_do_not_stop_the_lap() -> None:
     world = World([Prism(rectangle(0.0, 0.0, 15.0, 10.0), -1.0, 9.0)], ground=True)
-    lap = fly(world, Pose(0.0, -14.0, 5.0, math.pi / 2), viewpoint.Settings(), pinhole(100, 100), 40)
+    lap = fly(world, Pose(0.0, -14.0, 5.0, math.pi / 2), viewpoint.Settings(), pinhole(100, 100, 90.0), 40)
     assert lap.turned_deg >= 360.0
     assert lap.nearest_m > 0.85
 

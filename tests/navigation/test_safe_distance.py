@@ -15,12 +15,12 @@ NORTH = math.pi / 2
 BARE = Settings(variant="bare")
 
 
-def _flat(depth_m: float, size: int = 60) -> DepthView:
-    return DepthView(0.0, np.full((size, size), depth_m, np.float32))
+def _flat(depth_m: float, size: int = 60, heading_deg: float = 0.0) -> DepthView:
+    return DepthView(pinhole(size, size, 90.0, heading_deg), np.full((size, size), depth_m, np.float32))
 
 
 def _look(world: World, pose: Pose, choice: Settings, heading: int = 0, size: int = 120) -> tuple[MarkedPoint, ...]:
-    views = world.views(pose, pinhole(size, size))
+    views = world.views(pose, pinhole(size, size, 90.0))
     return safe_distances(views[heading], [view for h, view in views.items() if h != heading], choice)
 
 
@@ -34,7 +34,7 @@ def test_the_five_points_stand_at_sixths_of_the_width_on_the_middle_row() -> Non
 
 
 def test_bearings_are_relative_to_the_nose_in_every_view() -> None:
-    marked = safe_distances(_flat(5.0)._replace(heading_deg=-45.0), (), BARE)
+    marked = safe_distances(_flat(5.0, heading_deg=-45.0), (), BARE)
     assert marked[2].bearing_deg == -45.0
 
 
@@ -62,7 +62,7 @@ def test_the_corridor_stops_a_radius_and_a_clearance_before_a_wall_straight_ahea
 
 def test_a_wall_met_at_a_slant_stops_the_ball_by_its_side() -> None:
     """Towards a wall 8 m ahead at bearing b the ball of radius r touches after (8 - r) / cos b."""
-    point = safe_distances(_flat(8.0, 240), (_flat(8.0, 240)._replace(heading_deg=0.0),), Settings())[3]
+    point = safe_distances(_flat(8.0, 240), (_flat(8.0, 240),), Settings())[3]
     assert point.corridor.distance_m == pytest.approx((8.0 - 1.85) * math.sqrt(1 + 1 / 9), abs=0.03)
 
 
@@ -87,7 +87,7 @@ def test_a_ledge_off_the_middle_row_stops_the_corridor(bottom: float, top: float
 def test_a_wall_outside_the_picture_is_seen_by_the_neighbouring_camera() -> None:
     world = World([Prism(rectangle(-3.06, 2.57, 0.3, 0.3))])  # 4 m away at -50 degrees
     pose = Pose(0.0, 0.0, 5.0, NORTH)
-    view = world.views(pose, pinhole(120, 120))
+    view = world.views(pose, pinhole(120, 120, 90.0))
     alone = safe_distances(view[0], (), Settings())[0].corridor.distance_m
     together = safe_distances(view[0], (view[-45],), Settings())[0].corridor.distance_m
     assert alone == 10.0
@@ -118,8 +118,8 @@ def test_a_point_whose_neighbourhood_is_invalid_is_no_way() -> None:
 
 def test_mirrored_depth_gives_mirrored_distances() -> None:
     depth = np.random.default_rng(3).uniform(2.0, 30.0, (60, 60)).astype(np.float32)
-    usual = safe_distances(DepthView(45.0, depth), (), Settings())
-    mirrored = safe_distances(DepthView(-45.0, depth[:, ::-1]), (), Settings())
+    usual = safe_distances(DepthView(pinhole(60, 60, 90.0, 45.0), depth), (), Settings())
+    mirrored = safe_distances(DepthView(pinhole(60, 60, 90.0, -45.0), depth[:, ::-1]), (), Settings())
     for one, other in zip(usual, reversed(mirrored), strict=True):
         assert one.bearing_deg == pytest.approx(-other.bearing_deg)
         assert one.corridor.distance_m == pytest.approx(other.corridor.distance_m, abs=1e-4)

@@ -1,5 +1,6 @@
 """Eq. 4-6 by hand, and the mirror law."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -7,10 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from navigation.viewpoint import Settings, choose_view, row_range, score_view, slice_means
+from navigation.viewpoint import Choice, Settings, Sliced, choose_view, row_range, score_view, slice_means
 
 FOUR = Settings(slices=4, delta_m=5.0, d_max_m=25.0, max_over=1)
 NO_CHANCE = np.random.default_rng(0)
+
+
+def _chosen(
+    means: Mapping[int, list[float]], settings: Settings, d_max_m: float | None, generator: np.random.Generator
+) -> Choice:
+    """Of views named by their headings."""
+    views = {str(heading): Sliced(heading, values) for heading, values in means.items()}
+    return choose_view(views, settings, d_max_m, generator)
 
 
 def _uniform(*columns: int, height: int = 3) -> np.ndarray:
@@ -117,54 +126,54 @@ def test_nan_means_are_left_out_and_an_empty_part_is_no_split() -> None:
 
 def test_eq6_takes_the_view_with_the_largest_j() -> None:
     means = {0: [60.0, 10.0, 10.0, 10.0], 45: [60.0, 60.0, 60.0, 10.0], 90: [10.0, 10.0, 10.0, 10.0]}
-    choice = choose_view(means, FOUR, None, NO_CHANCE)
+    choice = _chosen(means, FOUR, None, NO_CHANCE)
     assert (choice.heading_deg, choice.reason) == (45, "split")
-    assert choice.scores[45].best is not None
-    assert choice.scores[45].best.j == 3
+    assert choice.scores["45"].best is not None
+    assert choice.scores["45"].best.j == 3
 
 
 def test_equal_j_goes_to_the_cleaner_split_then_to_the_buildings_side() -> None:
     clean, rough = [60.0, 60.0, 10.0, 10.0], [60.0, 58.0, 10.0, 10.0]
-    assert choose_view({-45: clean, 45: rough}, FOUR, None, NO_CHANCE).heading_deg == -45
-    assert choose_view({-45: clean, 45: clean}, FOUR, None, NO_CHANCE).heading_deg == 45
+    assert _chosen({-45: clean, 45: rough}, FOUR, None, NO_CHANCE).heading_deg == -45
+    assert _chosen({-45: clean, 45: clean}, FOUR, None, NO_CHANCE).heading_deg == 45
     counter = FOUR._replace(direction="counterclockwise")
     mirrored = {-45: clean[::-1], 45: clean[::-1]}
-    assert choose_view(mirrored, counter, None, NO_CHANCE).heading_deg == -45
+    assert _chosen(mirrored, counter, None, NO_CHANCE).heading_deg == -45
 
 
 def test_without_a_split_the_right_view_is_taken_and_d_max_rises_to_its_bound_and_falls_back() -> None:
     settings = FOUR._replace(d_max_m=25.0, d_max_step_m=20.0, d_max_limit_m=60.0)
     flat = {h: [30.0] * 4 for h in (-90, -45, 0, 45, 90)}
-    first = choose_view(flat, settings, None, NO_CHANCE)
+    first = _chosen(flat, settings, None, NO_CHANCE)
     assert (first.heading_deg, first.reason, first.d_max_m, first.d_max_next_m) == (90, "no_split", 25.0, 45.0)
-    second = choose_view(flat, settings, first.d_max_next_m, NO_CHANCE)
+    second = _chosen(flat, settings, first.d_max_next_m, NO_CHANCE)
     assert (second.d_max_m, second.d_max_next_m) == (45.0, 60.0)
-    assert choose_view(flat, settings, 60.0, NO_CHANCE).d_max_next_m == 60.0
-    found = choose_view({0: [60.0, 60.0, 30.0, 30.0]}, settings, 45.0, NO_CHANCE)
+    assert _chosen(flat, settings, 60.0, NO_CHANCE).d_max_next_m == 60.0
+    found = _chosen({0: [60.0, 60.0, 30.0, 30.0]}, settings, 45.0, NO_CHANCE)
     assert (found.reason, found.d_max_m, found.d_max_next_m) == ("split", 45.0, 25.0)
 
 
 def test_counter_clockwise_defaults_to_the_left_view() -> None:
     settings = FOUR._replace(direction="counterclockwise")
-    assert choose_view({h: [30.0] * 4 for h in (-90, 0, 90)}, settings, None, NO_CHANCE).heading_deg == -90
+    assert _chosen({h: [30.0] * 4 for h in (-90, 0, 90)}, settings, None, NO_CHANCE).heading_deg == -90
 
 
 def test_the_ablations_take_the_side_view_or_a_drawn_one() -> None:
     means = {h: [60.0, 60.0, 10.0, 10.0] for h in (-90, -45, 0, 45, 90)}
-    default = choose_view(means, FOUR._replace(policy="default"), 35.0, NO_CHANCE)
+    default = _chosen(means, FOUR._replace(policy="default"), 35.0, NO_CHANCE)
     assert (default.heading_deg, default.reason, default.d_max_next_m) == (90, "default", 35.0)
     drawn = [
-        choose_view(means, FOUR._replace(policy="random"), None, np.random.default_rng(seed)).heading_deg
+        _chosen(means, FOUR._replace(policy="random"), None, np.random.default_rng(seed)).heading_deg
         for seed in range(40)
     ]
     assert set(drawn) == set(means)
-    again = choose_view(means, FOUR._replace(policy="random"), None, np.random.default_rng(7)).heading_deg
+    again = _chosen(means, FOUR._replace(policy="random"), None, np.random.default_rng(7)).heading_deg
     assert again == drawn[7]
 
 
 def test_no_views_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one view"):
-        choose_view({}, FOUR, None, NO_CHANCE)
+        _chosen({}, FOUR, None, NO_CHANCE)
 
 
 _MEANS = st.lists(st.floats(0.5, 60.0).map(lambda m: round(m, 3)) | st.just(float("nan")), min_size=20, max_size=20)
@@ -172,13 +181,13 @@ _MEANS = st.lists(st.floats(0.5, 60.0).map(lambda m: round(m, 3)) | st.just(floa
 
 @given(st.dictionaries(st.sampled_from((-90, -45, 0, 45, 90)), _MEANS, min_size=1), st.sampled_from((15.0, 25.0, 60.0)))
 def test_mirrored_pictures_and_direction_give_the_mirrored_answer(means: dict[int, list[float]], d_max: float) -> None:
-    clockwise = choose_view(means, Settings(), d_max, NO_CHANCE)
+    clockwise = _chosen(means, Settings(), d_max, NO_CHANCE)
     mirrored_means = {-heading: values[::-1] for heading, values in means.items()}
-    mirrored = choose_view(mirrored_means, Settings(direction="counterclockwise"), d_max, NO_CHANCE)
+    mirrored = _chosen(mirrored_means, Settings(direction="counterclockwise"), d_max, NO_CHANCE)
     assert mirrored.heading_deg == -clockwise.heading_deg
     assert (mirrored.reason, mirrored.d_max_next_m) == (clockwise.reason, clockwise.d_max_next_m)
-    for heading, score in clockwise.scores.items():
-        assert mirrored.scores[-heading] == score
+    for heading in means:
+        assert mirrored.scores[str(-heading)] == clockwise.scores[str(heading)]
 
 
 @given(_MEANS)

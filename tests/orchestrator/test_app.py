@@ -8,7 +8,8 @@ from pathlib import Path
 import httpx
 import pytest
 
-from contracts.orchestrator import Delivery, Event
+from contracts.events import Event, read_event
+from contracts.orchestrator import Delivery
 from orchestrator.app import build_app
 from orchestrator.desk import Desk
 from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
@@ -49,7 +50,7 @@ def events_of(client: httpx.Client, name: str, after: int | None = None) -> list
         assert answer.headers["content-type"].startswith("text/event-stream")
         for line in answer.iter_lines():
             if line.startswith("data: {") and line != "data: {}":
-                found.append(Event.model_validate_json(line.removeprefix("data: ")))
+                found.append(read_event(line.removeprefix("data: ")))
     return found
 
 

@@ -106,7 +106,7 @@ def test_what_the_server_does_not_do_about_structure_changes_nothing(
 def test_a_request_is_parsed_or_said_to_be_unreadable(real: Running, gateway: Gateway, tmp_path: Path) -> None:
     url = gateway(config(real, preset="deepseek-r1-distill"))
     port = free_port()
-    settings = {"PORT": str(port), "PARSER_BACKEND": "chat", "GATEWAY_URL": url, "PARSER_MAX_TOKENS": "64"}
+    settings = {"PORT": str(port), "PARSER_BACKEND": "chat", "VLM_GATEWAY_URL": url, "PARSER_MAX_TOKENS": "64"}
     command = [sys.executable, "-m", "services.llm_parser"]
     at = f"http://127.0.0.1:{port}"
     with process(command, at + "/healthz", tmp_path / "parser.log", **settings):
@@ -124,7 +124,7 @@ def test_a_model_the_server_does_not_have_is_rejected(real: Running, gateway: Ga
 
 def test_the_doctor_says_that_this_model_gives_no_boxes(real: Running, gateway: Gateway) -> None:
     url = gateway(config(real))
-    command = [sys.executable, "-m", "orchestrator.cli", "doctor", "--calibrate", "tiny", "--gateway", url]
+    command = [sys.executable, "-m", "command_line.main", "doctor", "--calibrate", "tiny", "--gateway", url]
     done = subprocess.run([*command, "--rounds", "1", "--json"], capture_output=True, text=True, timeout=600)
     told = json.loads(done.stdout)
     assert (done.returncode, told["certainty"], told["shapes_told"]) == (1, "none", 0)

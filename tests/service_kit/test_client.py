@@ -80,5 +80,22 @@ async def test_nobody_there_is_unreachable_and_shows_no_password() -> None:
         assert await ghost.ready() is not None
 
 
+@pytest.mark.parametrize(
+    ("token", "said"),
+    [
+        ("s3cret", None),
+        ("wrong", "refuses the token of SIM_TOKEN; set it here to the one that the service was started with"),
+        (None, "asks for a token; set SIM_TOKEN or SIM_TOKEN_FILE here to the one it was started with"),
+    ],
+)
+async def test_a_token_that_does_not_fit_is_found_before_anything_is_asked(
+    serve: Callable[[FastAPI], str], token: str | None, said: str | None
+) -> None:
+    async with ServiceClient("sim", serve(create_app("sim", max_body_bytes=1000, token="s3cret")), token=token) as one:
+        assert await one.usable() == said
+        assert await one.ready() is None
+
+
 async def test_readiness_of_a_service_that_is_well(client: ServiceClient) -> None:
     assert await client.ready() is None
+    assert await client.usable() is None

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from mission.clients import Addresses, Services
-from orchestrator.processes import PORTS, Processes, free_ports, oracle_settings, own_environment
+from launcher.processes import Processes, free_ports, oracle_settings
+from mission.clients import Services
+from service_kit.addresses import PORTS, Addresses
+from service_kit.settings import process_environment
 
 
 @pytest.fixture(scope="session")
@@ -18,7 +20,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
     extra = oracle_settings(ports)
     extra["vlm_gateway"] |= {"CACHE_MODE": "off"}
     extra["orchestrator"] = {"RUNS_DIR": str(folder / "runs")}
-    group = Processes(ports, folder / "logs", environment=own_environment(), extra=extra)
+    group = Processes(ports, folder / "logs", environment=process_environment(), extra=extra)
     try:
         group.start()
         asyncio.run(group.ready())

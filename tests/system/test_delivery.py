@@ -13,14 +13,16 @@ from pathlib import Path
 import httpx
 import pytest
 
+from contracts.events import Event
 from contracts.geometry import Point3
-from contracts.orchestrator import DeliveryQuestion, DeliveryResult, Event, MissionSettings
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import FreePlace, SceneObject
-from mission.clients import Addresses, Services
+from launcher.processes import free_ports
+from mission.clients import Services
 from mission.record import read_events
 from orchestrator import sample_library
 from orchestrator.delivery import Order, Run
-from orchestrator.processes import FLIGHT_SERVICES, free_ports
+from service_kit.addresses import FLIGHT_SERVICES, Addresses
 
 SMALL = MissionSettings(image_size=320)
 SAMPLE = "green-flower-pot"
@@ -49,7 +51,7 @@ async def test_the_episode_is_given_back_at_the_end(services: Services, runs: Pa
     _, events = await fly(services, runs, settings=short)
     placed = next(e for e in events if e.kind == "placed")
     async with httpx.AsyncClient(base_url=at.sim) as client:
-        assert (await client.get(f"/v1/episodes/{placed.data['episode']}")).status_code == 404
+        assert (await client.get(f"/v1/episodes/{placed.data.episode}")).status_code == 404
 
 
 @pytest.mark.parametrize("request_text", ["Please bring me my parcel.", "fourth floor please", "the green flower pot"])
@@ -106,7 +108,7 @@ async def test_cancelling_in_the_air_ends_the_flight_and_the_episode(
     assert read_events(run.record.folder)[-1].kind == "result"
     placed = next(e for e in read_events(run.record.folder) if e.kind == "placed")
     async with httpx.AsyncClient(base_url=at.sim) as client:
-        assert (await client.get(f"/v1/episodes/{placed.data['episode']}")).status_code == 404
+        assert (await client.get(f"/v1/episodes/{placed.data.episode}")).status_code == 404
 
 
 def test_over_rest_the_events_stream_and_can_be_replayed(orchestrator_url: str) -> None:
@@ -130,7 +132,7 @@ def test_over_rest_the_events_stream_and_can_be_replayed(orchestrator_url: str) 
 
 def deliver(*arguments: str, at: Addresses, runs: Path) -> subprocess.Popen[str]:
     urls = ",".join(f"{name}={url}" for name, url in vars(at).items())
-    command = [sys.executable, "-m", "orchestrator.cli", "deliver", *arguments, "--services", urls, "--out", str(runs)]
+    command = [sys.executable, "-m", "command_line.main", "deliver", *arguments, "--services", urls, "--out", str(runs)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=dict(os.environ))
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from service_kit.settings import Settings
 from services.llm_parser.bootstrap import bootstrap
+from services.llm_parser.settings import LlmParserSettings
 from tests.conftest import Serve
 from tests.services.vlm_gateway.faults import EMPTY_CHOICES, FAULTS, Fault, suffering
 from tests.services.vlm_gateway.kit import build, chat_backend, post
@@ -26,7 +26,7 @@ def running_mock() -> Iterator[OpenAiMock]:
 def parser(serve: Serve, address: str, deadline_s: float = 15.0) -> str:
     backend = chat_backend(None, base_url=address, timeout_s=deadline_s, preset="deepseek-r1-distill")
     gateway = serve(build({"m": backend}, roles={"parser": "m"}).app)
-    return serve(bootstrap(Settings({"PARSER_BACKEND": "chat", "GATEWAY_URL": gateway})))
+    return serve(bootstrap(LlmParserSettings.read({"PARSER_BACKEND": "chat", "VLM_GATEWAY_URL": gateway})))
 
 
 def parse(url: str) -> Any:

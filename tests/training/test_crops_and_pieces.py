@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from services.vlm_gateway.embedded.crops import proposals
-from training.ahead import Ahead
 from training.calibrate import Sighting, calibrated, claim_score, outcome, rising, row_threshold
 from training.crop_store import CropBatches, Crops, backgrounds, collect, crops_of, moved, overlap_matrix
 from training.judge import Look
 from training.labels import STRIDE, Labels, Thing
 from training.pieces import PIECE_PX, Pieces, piece, targets
+from training.prefetch import Prefetch
 from training.shards import THING, write
 
 CELLS = PIECE_PX // STRIDE
@@ -187,5 +187,5 @@ def test_rows_count_from_where_most_pictures_are_counted_rightly() -> None:
 
 @pytest.mark.parametrize("workers", [0, 3])
 def test_batches_made_ahead_come_in_their_order_and_skips_are_followed(workers: int) -> None:
-    ahead = Ahead(lambda number: number * 10, workers)
-    assert [ahead.get(n) for n in (0, 1, 2, 3, 9, 10, 4)] == [0, 10, 20, 30, 90, 100, 40]
+    batches = Prefetch(lambda number: number * 10, workers)
+    assert [batches.get(n) for n in (0, 1, 2, 3, 9, 10, 4)] == [0, 10, 20, 30, 90, 100, 40]

@@ -8,13 +8,13 @@ import pytest
 
 from contracts.scene import Scene, WindowPlace
 from contracts.scene_layout import facades, floor_outline, window_slot
+from evaluation.scene_generator.footprints import distance_to_outline
 from services.sim.catalogue import CATALOGUE, build
 from services.sim.geometry.textures import base_textures
 from training.looks import HELD_OUT_SKY, HELD_OUT_STRETCH, HELD_OUT_WALL, STRETCH, varied
 from training.render import FIT_SEEDS, VALIDATION_SEEDS, colour_numbers, kind_numbers
 from training.stops import NEAREST_M, looks
 from training.streets import street
-from vld.footprints import distance_to_outline
 
 SEEDS = range(12)
 

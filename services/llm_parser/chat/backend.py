@@ -86,7 +86,7 @@ class ChatParser:
         return self._answer(found, request)
 
     async def problem(self) -> str | None:
-        return await self._client.ready()
+        return await self._client.usable()
 
     def _answer(self, found: Read | Refusal | Unreadable, request: str) -> ParseAnswer:
         if isinstance(found, Refusal):

@@ -10,7 +10,8 @@ from services.sim.catalogue.palette import INK, LEAF, TAN, Look
 from services.sim.catalogue.parts import bent, circle, fluted, mark, ring, silhouette, tinted
 from services.sim.catalogue.registry import SMALL, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
-from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, rod, tube
+from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe
+from services.sim.geometry.tubes import rod, tube
 
 
 @catalogued(

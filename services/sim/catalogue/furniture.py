@@ -10,7 +10,8 @@ from services.sim.catalogue.parts import arch, mark, ring, tapered, tinted
 from services.sim.catalogue.registry import BIG, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
-from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, quad, rod, tube
+from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, quad
+from services.sim.geometry.tubes import rod, tube
 
 
 @catalogued(

@@ -22,7 +22,8 @@ from services.sim.catalogue.parts import (
 from services.sim.catalogue.registry import BIG, HANGING, SMALL, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
-from services.sim.geometry.solids import cylinder, ellipsoid, extruded, frustum, lathe, rod, tube
+from services.sim.geometry.solids import cylinder, ellipsoid, extruded, frustum, lathe
+from services.sim.geometry.tubes import rod, tube
 
 
 @catalogued(

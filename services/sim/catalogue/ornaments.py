@@ -9,7 +9,8 @@ from services.sim.catalogue.parts import bent, disc, ring
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
-from services.sim.geometry.solids import cone, cylinder, ellipsoid, frustum, lathe, quad, rod, tube
+from services.sim.geometry.solids import cone, cylinder, ellipsoid, frustum, lathe, quad
+from services.sim.geometry.tubes import rod, tube
 
 
 @catalogued(

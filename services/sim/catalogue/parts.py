@@ -14,7 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from shapely.geometry.polygon import orient
 
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, rgb
-from services.sim.geometry.solids import Vector, extruded, polygon, quad, tube
+from services.sim.geometry.solids import Vector, extruded, polygon, quad
+from services.sim.geometry.tubes import tube
 
 Points = NDArray[np.float64]
 

@@ -10,7 +10,8 @@ from services.sim.catalogue.parts import bent, circle, disc, mark, rectangle, si
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box as block
-from services.sim.geometry.solids import cone, cylinder, ellipsoid, rod, tube
+from services.sim.geometry.solids import cone, cylinder, ellipsoid
+from services.sim.geometry.tubes import rod, tube
 
 
 @catalogued(

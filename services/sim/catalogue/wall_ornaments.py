@@ -9,7 +9,8 @@ from services.sim.catalogue.palette import BRIGHT, CREAM, GOLD, Look
 from services.sim.catalogue.parts import circle, mark, ring, silhouette, star
 from services.sim.catalogue.registry import HANGING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate, make
-from services.sim.geometry.solids import cone, cylinder, ellipsoid, frustum, lathe, rod, tube
+from services.sim.geometry.solids import cone, cylinder, ellipsoid, frustum, lathe
+from services.sim.geometry.tubes import rod, tube
 
 
 @catalogued(

@@ -6,8 +6,9 @@ import numpy as np
 
 from contracts.scene import Tree
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, mixed
-from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe, tube
+from services.sim.geometry.solids import cylinder, ellipsoid, frustum, lathe
 from services.sim.geometry.textures import TextureSet
+from services.sim.geometry.tubes import tube
 
 _GREENS = ("#5f7f3a", "#6d8a40", "#54743a", "#7a8f45", "#4f6f40")
 _NEEDLES = ("#3f5f42", "#47664a", "#385540")

@@ -11,7 +11,8 @@ from contracts.scene_layout import WindowSlot, columns_of, window_slot
 from services.sim.geometry.facade import floor_z, slot_frame
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.parts import stamped
-from services.sim.geometry.solids import box, rod
+from services.sim.geometry.solids import box
+from services.sim.geometry.tubes import rod
 
 AIR_M = 0.004
 

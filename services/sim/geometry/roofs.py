@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from contracts.scene import FacadeStyle
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
 from services.sim.geometry.outlines import Plan, Rectangle, grown, is_convex, rectangles, swept
-from services.sim.geometry.solids import box, cylinder, polygon, prism, quad, rod
+from services.sim.geometry.solids import box, cylinder, polygon, prism, quad
 from services.sim.geometry.textures import TextureSet
+from services.sim.geometry.tubes import rod
 
 EAVES_M = 0.55
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.scene import Light, Scene
-from services.sim.geometry.buildings import build_building, toward_start
+from services.sim.geometry.buildings import build_building
+from services.sim.geometry.entrances import toward_start
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.occluders import occluders
 from services.sim.geometry.parts import Assembly, Chunk, Part, PartKind, Solid

@@ -18,8 +18,9 @@ from services.sim.geometry.greenery import tree, tree_solid
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
 from services.sim.geometry.outlines import grown, plan_of
 from services.sim.geometry.parts import Assembly
-from services.sim.geometry.solids import box, cylinder, ellipsoid, prism, quad, rod, triangulated
+from services.sim.geometry.solids import box, cylinder, ellipsoid, prism, quad, triangulated
 from services.sim.geometry.textures import TextureSet
+from services.sim.geometry.tubes import rod
 
 KERB_M = 0.12
 PIECE_M = 16.0

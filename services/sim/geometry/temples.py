@@ -7,8 +7,9 @@ from contracts.scene import FacadeStyle
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
 from services.sim.geometry.outlines import Plan, Rectangle, grown, rectangles
 from services.sim.geometry.parts import stamped, wall_frame
-from services.sim.geometry.solids import box, cylinder, ellipsoid, lathe, tube
+from services.sim.geometry.solids import box, cylinder, ellipsoid, lathe
 from services.sim.geometry.textures import TextureSet
+from services.sim.geometry.tubes import tube
 
 OVERHANG_M = 1.25
 THICK_M = 0.16

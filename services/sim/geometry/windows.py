@@ -10,7 +10,8 @@ import numpy as np
 
 from contracts.scene import BalconyPlan, FacadeStyle, WindowGrid
 from services.sim.geometry.mesh import Mesh, concatenate, make, mixed
-from services.sim.geometry.solids import box, quad, rod
+from services.sim.geometry.solids import box, quad
+from services.sim.geometry.tubes import rod
 
 SLAB_M = 0.16
 FRAME_M = 0.07

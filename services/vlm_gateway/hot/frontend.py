@@ -22,6 +22,8 @@ from fastapi.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from contracts.errors import ErrorBody, ErrorDetail
+from contracts.health import Access
+from service_kit.auth import OPEN_PATHS, note_access
 from service_kit.errors import ServiceError, error_response
 from service_kit.metrics import HttpMetrics
 from services.vlm_gateway.cache.guard import GuardedCache
@@ -35,12 +37,11 @@ from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.relay import Broadcast
 from services.vlm_gateway.hot.scan import Scanned, read, scan
 from services.vlm_gateway.hot.server import PATH, CallerProtocol
-from services.vlm_gateway.keys import Forbidden, Key, Keys, asking
+from services.vlm_gateway.keys import ANYBODY, Forbidden, Key, Keys, Unauthorised, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 
 log = logging.getLogger(__name__)
 
-OPEN_PATHS = frozenset({"/healthz", "/readyz"})
 ADMIN_PATHS = frozenset({"/metrics", "/v1/status"})
 BIG_SKELETON_BYTES = 256 * 1024
 """From here on what is left of a body is parsed in a thread, so that other callers are still answered."""
@@ -93,7 +94,11 @@ class Frontend:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Everything but chats: the same keys and budgets, then the framework."""
         path = scope["path"] if scope["type"] == "http" else ""
-        if not path or path in OPEN_PATHS:
+        if not path:
+            await self._app(scope, receive, send)
+            return
+        if path in OPEN_PATHS:
+            note_access(scope, self._access(scope))
             await self._app(scope, receive, send)
             return
         counted = scope["method"] == "POST" and path.startswith("/v1/")
@@ -114,6 +119,14 @@ class Frontend:
         finally:
             if counted:
                 key.leave()
+
+    def _access(self, scope: Scope) -> Access:
+        authorization = head_of(scope["headers"]).authorization
+        try:
+            key = self._keys.of(authorization)
+        except Unauthorised:
+            return "wrong_token" if authorization else "missing_token"
+        return "open" if key is ANYBODY else "granted"
 
     async def chat(self, exchange: Exchange) -> None:
         """One chat, its errors and its figures."""

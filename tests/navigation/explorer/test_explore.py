@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from evaluation.task_set.task_files import shipped
 from navigation.camera import DepthView, Pose, pinhole
 from navigation.explorer import blob
 from navigation.explorer.explore import NoFacade, explore
@@ -13,11 +14,10 @@ from tests.load.explorer_study import Flight, contour, figures, fly, paper
 from tests.navigation.explorer_worlds import make_task
 from tests.navigation.raycast_world import Prism, World, rectangle
 from tests.navigation.scene_worlds import from_scene
-from vld.tasks import shipped
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
 HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
-CAMERA = pinhole(160, 24)
+CAMERA = pinhole(160, 24, 90.0)
 
 
 def _views(pose: Pose = HERE, world: World = HOUSE) -> tuple[DepthView, ...]:
@@ -122,6 +122,7 @@ def test_without_room_for_the_body_it_does_not_fly() -> None:
 
 def test_views_that_are_all_invalid_do_not_break_a_search_under_way() -> None:
     memory = explore(None, _views(), HERE, Settings()).memory
-    blind = tuple(DepthView(h, np.full((24, 160), np.nan, np.float32)) for h in (-90, 0, 90))
+    unseen = np.full((24, 160), np.nan, np.float32)
+    blind = tuple(DepthView(CAMERA._replace(heading_deg=h), unseen) for h in (-90, 0, 90))
     step = explore(memory, blind, HERE, Settings())
     assert step.decision.status in ("move", "turn", "done")

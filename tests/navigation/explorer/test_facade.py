@@ -26,7 +26,7 @@ HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
 
 
 def _scan(*prisms: Prism, pose: Pose = HERE) -> Scan:
-    return panorama(list(World(prisms).views(pose, pinhole(200, 24)).values()), pose, 0.5, 1.2)
+    return panorama(list(World(prisms).views(pose, pinhole(200, 24, 90.0)).values()), pose, 0.5, 1.2)
 
 
 def test_a_wall_seen_slantwise_to_the_end_is_one_run() -> None:

@@ -19,7 +19,7 @@ HOUSE = Prism(rectangle(0.0, 14.0, 16.0, 10.0))
 
 
 def _looked(*prisms: Prism, pose: Pose = HERE, grid: Map | None = None) -> tuple[Map, list[Guess]]:
-    scan = panorama(list(World(prisms).views(pose, pinhole(300, 24)).values()), pose, 0.5, 1.2)
+    scan = panorama(list(World(prisms).views(pose, pinhole(300, 24, 90.0)).values()), pose, 0.5, 1.2)
     walls = read_walls(scan, SETTINGS)
     grid = grid or empty_map(0.0, 0.0)
     carve(grid, scan)

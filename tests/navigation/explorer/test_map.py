@@ -31,7 +31,7 @@ WALL = Prism(rectangle(0, 10.5, 30, 1))
 
 
 def _scan(prisms: list[Prism], pose: Pose = HERE) -> Scan:
-    return panorama(list(World(prisms).views(pose, pinhole(200, 24)).values()), pose, 0.5, 1.2)
+    return panorama(list(World(prisms).views(pose, pinhole(200, 24, 90.0)).values()), pose, 0.5, 1.2)
 
 
 def _drawn(grid: Map, scan: Scan) -> Map:

@@ -10,7 +10,7 @@ from navigation.explorer.scan import BINS, bin_bearings_deg, level_ranges_m, pan
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
-CAMERA = pinhole(180, 120)
+CAMERA = pinhole(180, 120, 90.0)
 
 
 def _scan(prisms: list[Prism], pose: Pose = HERE, ground: bool = False):
@@ -55,7 +55,7 @@ def test_no_return_is_infinite_and_what_no_camera_saw_is_unknown() -> None:
     scan = panorama([views[0]], HERE, 0.5, 1.2)
     assert np.isinf(scan.range_m[BINS // 2])
     assert np.isnan(scan.range_m[0])
-    blind = DepthView(0, np.full((20, 20), np.nan, np.float32))
+    blind = DepthView(pinhole(20, 20, 90.0), np.full((20, 20), np.nan, np.float32))
     assert np.isnan(panorama([blind], HERE, 0.5, 1.2).range_m).all()
 
 
@@ -69,5 +69,6 @@ def test_more_than_three_views_change_nothing_where_the_three_suffice() -> None:
 @pytest.mark.parametrize("shape", [(1, 1), (2, 3), (7, 5)])
 def test_tiny_pictures_are_read_as_well(shape: tuple[int, int]) -> None:
     depth = np.full(shape, 5.0, np.float32)
-    assert len(level_ranges_m(DepthView(0, depth), 0.5, 0.5)) == shape[1]
-    assert len(panorama([DepthView(h, depth) for h in (-90, 0, 90)], HERE, 0.5, 1.2).range_m) == BINS
+    views = [DepthView(pinhole(shape[1], shape[0], 90.0, heading), depth) for heading in (-90, 0, 90)]
+    assert len(level_ranges_m(views[1], 0.5, 0.5)) == shape[1]
+    assert len(panorama(views, HERE, 0.5, 1.2).range_m) == BINS

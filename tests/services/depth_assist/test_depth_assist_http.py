@@ -30,8 +30,8 @@ from contracts.depth_assist import (
 from contracts.geometry import Box, Heading, Pose
 from contracts.images import DepthMap, encode_depth
 from navigation import approach, safe_distance, viewpoint
-from service_kit.settings import Settings
 from services.depth_assist.bootstrap import bootstrap
+from services.depth_assist.settings import DepthAssistSettings
 
 BODY_LIMIT = 2_000_000
 
@@ -39,7 +39,7 @@ BODY_LIMIT = 2_000_000
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
     """The service as its bootstrap builds it, in a server of its own on a free port."""
-    app = bootstrap(Settings({"MAX_BODY_BYTES": str(BODY_LIMIT)}))
+    app = bootstrap(DepthAssistSettings.read({"DEPTH_ASSIST_MAX_BODY_BYTES": str(BODY_LIMIT)}))
     server = uvicorn.Server(uvicorn.Config(app, log_config=None, lifespan="on"))
     listener = socket.create_server(("127.0.0.1", 0))
     thread = threading.Thread(target=server.run, args=([listener],))
@@ -295,7 +295,7 @@ def test_health_answers_while_questions_are_worked_on(url: str) -> None:
 
 
 async def test_a_token_is_asked_for_where_one_is_set() -> None:
-    transport = httpx.ASGITransport(app=bootstrap(Settings({"DEPTH_ASSIST_TOKEN": "secret"})))
+    transport = httpx.ASGITransport(app=bootstrap(DepthAssistSettings.read({"DEPTH_ASSIST_TOKEN": "secret"})))
     async with httpx.AsyncClient(transport=transport, base_url="http://test") as client:
         body = _viewpoint_body()
         _error(await client.post("/v1/viewpoint", json=body), 401, "unauthorised")

@@ -18,8 +18,8 @@ from contracts.geometry import Box, Pose
 from contracts.images import encode_depth
 from navigation import camera
 from navigation.explorer import blob
-from service_kit.settings import Settings
 from services.depth_assist.bootstrap import bootstrap
+from services.depth_assist.settings import DepthAssistSettings
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
@@ -29,7 +29,7 @@ START = Pose(x=0.0, y=0.0, z=8.0, yaw=math.pi / 2)
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[httpx.Client]:
-    server = uvicorn.Server(uvicorn.Config(bootstrap(Settings({})), log_config=None, lifespan="on"))
+    server = uvicorn.Server(uvicorn.Config(bootstrap(DepthAssistSettings.read({})), log_config=None, lifespan="on"))
     listener = socket.create_server(("127.0.0.1", 0))
     thread = threading.Thread(target=server.run, args=([listener],))
     thread.start()
@@ -44,7 +44,7 @@ def client() -> Iterator[httpx.Client]:
 
 
 def _question(pose: Pose = START, world: World = HOUSE, **more: object) -> ExploreQuestion:
-    seen = world.views(camera.Pose(pose.x, pose.y, pose.z, pose.yaw), camera.pinhole(120, 24))
+    seen = world.views(camera.Pose(pose.x, pose.y, pose.z, pose.yaw), camera.pinhole(120, 24, 90.0))
     views = tuple(ViewDepth(heading_deg=h, depth=encode_depth(v.depth_m)) for h, v in seen.items())
     return ExploreQuestion(views=views, pose=pose, **more)
 

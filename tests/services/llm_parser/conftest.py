@@ -21,7 +21,7 @@ class ModelServer:
 
         class Handler(BaseHTTPRequestHandler):
             def do_GET(self) -> None:
-                self._send(200, b'{"status": "ready"}')
+                self._send(200, b'{"status": "ready", "service": "vlm_gateway"}')
 
             def do_POST(self) -> None:
                 body = self.rfile.read(int(self.headers["Content-Length"]))

@@ -12,8 +12,9 @@ import httpx
 import pytest
 from starlette.types import ASGIApp
 
-from service_kit.settings import BadSetting, Settings
+from service_kit.settings import BadSetting
 from services.llm_parser.bootstrap import bootstrap
+from services.llm_parser.settings import LlmParserSettings
 
 REQUEST = "Please bring my parcel to the fourth floor, the window with the green flower pot."
 
@@ -21,7 +22,7 @@ REQUEST = "Please bring my parcel to the fourth floor, the window with the green
 @pytest.fixture(scope="module")
 def rules(serve: Callable[[ASGIApp], str]) -> Iterator[httpx.Client]:
     """The service with its defaults; nobody listens where it looks for the gateway."""
-    url = serve(bootstrap(Settings({"GATEWAY_URL": "http://127.0.0.1:9"})))
+    url = serve(bootstrap(LlmParserSettings.read({"VLM_GATEWAY_URL": "http://127.0.0.1:9"})))
     with httpx.Client(base_url=url, timeout=60) as client:
         yield client
 
@@ -96,7 +97,7 @@ def test_answers_are_counted_by_back_end_outcome_and_what_was_missing(rules: htt
 
 
 def test_the_named_model_answers_beside_the_default(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
-    url = serve(bootstrap(Settings({"GATEWAY_URL": model_server.url})))
+    url = serve(bootstrap(LlmParserSettings.read({"VLM_GATEWAY_URL": model_server.url})))
     model_server.says('{"floor": 4, "object": "green flower pot"}')
     answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "r1-distill"}, timeout=60).json()
     assert (answer["model"], answer["floor"]) == ("r1-distill", 4)
@@ -104,14 +105,14 @@ def test_the_named_model_answers_beside_the_default(serve: Callable[[ASGIApp], s
 
 
 def test_an_alias_that_the_gateway_does_not_know_is_a_422(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
-    url = serve(bootstrap(Settings({"GATEWAY_URL": model_server.url})))
+    url = serve(bootstrap(LlmParserSettings.read({"VLM_GATEWAY_URL": model_server.url})))
     model_server.fails(422, "unknown_model", "no chat model 'gpt-9'; chat models: none")
     answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "gpt-9"}, timeout=60)
     assert (answer.status_code, answer.json()["error"]["code"]) == (422, "unknown_model")
 
 
 def test_chat_as_the_default_is_ready_only_with_its_gateway(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
-    url = serve(bootstrap(Settings({"PARSER_BACKEND": "chat", "GATEWAY_URL": model_server.url})))
+    url = serve(bootstrap(LlmParserSettings.read({"PARSER_BACKEND": "chat", "VLM_GATEWAY_URL": model_server.url})))
     assert httpx.get(f"{url}/readyz", timeout=60).status_code == 200
     model_server.says('{"floor": 4, "object": "green flower pot"}')
     assert httpx.post(f"{url}/v1/parse", json={"request": REQUEST}, timeout=60).json()["model"] == "parser"
@@ -122,7 +123,7 @@ def test_chat_as_the_default_is_ready_only_with_its_gateway(serve: Callable[[ASG
 
 def test_a_setting_that_cannot_be_used_is_named() -> None:
     with pytest.raises(BadSetting, match="PARSER_BACKEND=gpt"):
-        bootstrap(Settings({"PARSER_BACKEND": "gpt"}))
+        bootstrap(LlmParserSettings.read({"PARSER_BACKEND": "gpt"}))
 
 
 def test_the_service_runs_as_a_process_and_stops_when_told() -> None:

@@ -6,18 +6,8 @@ import numpy as np
 import pytest
 
 from services.sim.geometry.mesh import Mesh, concatenate, empty
-from services.sim.geometry.solids import (
-    box,
-    cone,
-    cylinder,
-    ellipsoid,
-    extruded,
-    frustum,
-    plate,
-    polygon,
-    prism,
-    tube,
-)
+from services.sim.geometry.solids import box, cone, cylinder, ellipsoid, extruded, frustum, plate, polygon, prism
+from services.sim.geometry.tubes import tube
 
 _L = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 

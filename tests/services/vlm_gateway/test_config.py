@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from service_kit.settings import BadSetting, Settings
+from service_kit.settings import BadSetting
 from services.vlm_gateway.bootstrap import build
 from services.vlm_gateway.config import ChatModelConfig, KeyConfig, chat_model, load_config
 from services.vlm_gateway.presets import families, servers
+from services.vlm_gateway.settings import GatewaySettings
 
 GOOD = """
 [models.qwen]
@@ -25,6 +26,11 @@ floors = "qwen"
 parser = "qwen"
 """
 CHAT = '[models.m]\nbackend = "chat"\nmodel = "x"\npreset = "gpt-4o"\n'
+
+
+def started(environment: dict[str, str]) -> None:
+    """As the process does it. Raises BadSetting."""
+    build(GatewaySettings.read(environment), environment)
 
 
 def write(folder: Path, text: str) -> Path:
@@ -99,13 +105,13 @@ def test_a_missing_key_stops_the_start(tmp_path: Path) -> None:
     path = write(tmp_path, CHAT + 'server = "vllm"\napi_key_env = "MY_KEY"')
     environment = {"GATEWAY_CONFIG": str(path), "CACHE_MODE": "off"}
     with pytest.raises(BadSetting, match=r"models\.m\.api_key_env: MY_KEY is not set"):
-        build(Settings(environment))
+        started(environment)
     with pytest.raises(BadSetting, match="MY_KEY holds more than a key") as raised:
-        build(Settings(environment | {"MY_KEY": "sk-1\nX-Evil: 1"}))
+        started(environment | {"MY_KEY": "sk-1\nX-Evil: 1"})
     assert "sk-1" not in str(raised.value)
     path = write(tmp_path, CHAT + 'server = "vllm"\napi_key_file = "/no/such/file"')
     with pytest.raises(BadSetting, match=r"models\.m\.api_key_file: No such file"):
-        build(Settings(environment))
+        started(environment)
 
 
 @pytest.mark.parametrize(
@@ -120,7 +126,7 @@ def test_a_missing_key_stops_the_start(tmp_path: Path) -> None:
 )
 def test_wrong_settings_stop_the_start(environment: dict[str, str], message: str) -> None:
     with pytest.raises(BadSetting) as raised:
-        build(Settings(environment))
+        started(environment)
     assert message in str(raised.value)
     assert "secret" not in str(raised.value)
 

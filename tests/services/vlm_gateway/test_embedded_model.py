@@ -199,7 +199,7 @@ def test_files_that_are_missing_or_broken_are_told(tmp_path: Path) -> None:
 def test_seeing_needs_no_training_framework() -> None:
     code = (
         "import sys, services.vlm_gateway.embedded.model; "
-        "print(sorted({'torch', 'onnx', 'services.sim', 'vld', 'training'} & set(sys.modules)))"
+        "print(sorted({'torch', 'onnx', 'services.sim', 'evaluation', 'training'} & set(sys.modules)))"
     )
     environment = {k: v for k, v in os.environ.items() if not k.startswith("COV")}
     said = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)

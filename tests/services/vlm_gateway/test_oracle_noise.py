@@ -4,10 +4,10 @@ import pytest
 
 from contracts.geometry import Box, Pose
 from contracts.sim import Truth, TruthView, VisibleObject
-from service_kit.settings import BadSetting, Settings
+from service_kit.settings import BadSetting
 from services.vlm_gateway.backends.noise import Count, Faults
-from services.vlm_gateway.bootstrap import build
 from services.vlm_gateway.config import NO_NOISE, OracleNoise
+from services.vlm_gateway.settings import GatewaySettings
 
 BOX = Box(x_min=0.4, y_min=0.4, x_max=0.5, y_max=0.6)
 WALL = Box(x_min=0.1, y_min=0.0, x_max=0.9, y_max=0.8)
@@ -96,4 +96,4 @@ def test_without_noise_nothing_is_wrong() -> None:
 
 def test_a_rate_above_one_is_a_bad_setting() -> None:
     with pytest.raises(BadSetting, match="ORACLE_MISS_RATE"):
-        build(Settings({"ORACLE_SIM_URL": "http://127.0.0.1:1", "ORACLE_MISS_RATE": "1.5"}))
+        GatewaySettings.read({"ORACLE_SIM_URL": "http://127.0.0.1:1", "ORACLE_MISS_RATE": "1.5"})

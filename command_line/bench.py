@@ -1,0 +1,213 @@
+"""`logisticsvln bench`: one arm over a task set."""
+
+import asyncio
+import importlib.metadata
+import json
+import os
+import platform
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+
+from command_line import mission_options
+from command_line.bench_progress import LiveProgress, PlainProgress
+from command_line.bench_summary import print_summary
+from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
+from command_line.mission_options import SEED_HIGH, mission_settings
+from command_line.subtask import ask_alone
+from command_line.tasks import generated
+from evaluation.bench.folder import BadFolder, RunFolder
+from evaluation.bench.run import CannotRun, Run
+from evaluation.bench.run_settings import RunSettings
+from evaluation.bench.worker import Job, Kept
+from evaluation.metrics.summary import Summary
+from evaluation.sim_client import SimulatorFault
+from evaluation.subtasks.figures import Subtask
+from evaluation.task_set.absent import without_objects
+from evaluation.task_set.generate import CannotGenerate
+from evaluation.task_set.task import Task
+from evaluation.task_set.task_files import BadTasks, TaskSet, load
+from service_kit.settings import process_environment
+
+MAX_WORKERS = 64
+_PACKAGES = ("logisticsvln", "numpy", "opencv-python-headless", "moderngl", "pybullet", "pydantic", "aiohttp")
+
+
+def bench(
+    tasks: Annotated[str | None, typer.Option(help="A shipped set or a file of tasks.", show_default="vld-300")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Fly a fresh set of this seed instead.")] = None,
+    count: Annotated[int | None, typer.Option(min=1, help="How many tasks the fresh set has.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Only the first tasks, evenly over the set.")] = None,
+    absent: Annotated[
+        bool, typer.Option("--absent", help="Take the objects away: the search should find none.")
+    ] = False,
+    backend: mission_options.Backend = "embedded",
+    viewpoint: mission_options.Viewpoint = None,
+    choice: mission_options.Choice = None,
+    floors: mission_options.Floors = "stepwise",
+    sightings: mission_options.Sightings = "look-again",
+    drift: mission_options.Drift = 0.0,
+    parser: mission_options.Parser = None,
+    max_steps: mission_options.MaxSteps = 30,
+    image_size: mission_options.ImageSize = 800,
+    mission_seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Of the random viewpoint policy.")] = 0,
+    miss_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a view with the object says nothing.")] = 0.0,
+    false_claim_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a look claims another thing.")] = 0.0,
+    floor_miscount_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a count is off by one.")] = 0.0,
+    box_jitter: Annotated[float, typer.Option(min=0, max=1, help="Oracle: edges off by this share (sigma).")] = 0.0,
+    refusal_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: an answer is declined.")] = 0.0,
+    noise_seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Oracle: of all of these.")] = 0,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=MAX_WORKERS, help="Processes that fly.", show_default="one a core")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="The run's folder; one that was begun is completed.")] = None,
+    pictures: Annotated[Kept, typer.Option(help="Whose pictures to keep.")] = "none",
+    cache: Annotated[
+        Literal["on", "off", "replay"] | None,
+        typer.Option(help="Answers of models.", show_default="off for embedded and oracle, else on"),
+    ] = None,
+    recording: Annotated[Path | None, typer.Option(help="The file in which answers are kept, for --cache.")] = None,
+    episode_s: Annotated[float, typer.Option(min=1, max=86_400, help="An episode takes no longer.")] = 900.0,
+    subtask: Annotated[Subtask | None, typer.Option(help="Fly nothing; ask one model role alone.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> None:
+    """Fly a task set and print the figures. A run that was interrupted or killed goes on with the same command."""
+    console = Console(stderr=True)
+    noise = {
+        "miss_rate": miss_rate,
+        "false_claim_rate": false_claim_rate,
+        "floor_miscount_rate": floor_miscount_rate,
+        "box_jitter": box_jitter,
+        "refusal_rate": refusal_rate,
+        "noise_seed": float(noise_seed),
+    }
+    if backend != "oracle" and any(noise.values()):
+        stop(f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT)
+    if recording is not None and cache == "off":
+        stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
+    try:
+        chosen = _tasks(tasks, seed, count, console)
+        chosen = without_objects(chosen) if absent else chosen
+        settings = RunSettings(
+            tasks=chosen.name,
+            checksum=chosen.checksum,
+            count=min(limit or len(chosen.tasks), len(chosen.tasks)),
+            backend=backend,
+            mission=mission_settings(
+                viewpoint=viewpoint,
+                choice=choice,
+                floors=floors,
+                sightings=sightings,
+                drift=drift,
+                parser=parser,
+                max_steps=max_steps,
+                image_size=image_size,
+                seed=mission_seed,
+            ),
+            oracle=noise if backend == "oracle" else {},
+            workers=workers or os.cpu_count() or 1,
+            versions=_versions(),
+        )
+    except ValidationError as error:
+        stop(first_problem(error), WRONG_INPUT)
+    except (BadTasks, ValueError) as error:
+        stop(str(error), WRONG_INPUT)
+    except (CannotGenerate, SimulatorFault) as error:
+        stop(f"the tasks could not be made: {error}", FAILED)
+    except KeyboardInterrupt:
+        stop("interrupted before the first flight", INTERRUPTED)
+    mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
+    gateway = _gateway(mode, recording, settings.oracle)
+    some, cores = _first(chosen, settings.count), one_core_each(process_environment())
+    if subtask is not None:
+        ask_alone(subtask, some, settings, cores, gateway, console, out, as_json=as_json)
+        return
+    place = out or Path("runs") / f"bench-{time.strftime('%Y%m%d-%H%M%S')}"
+    try:
+        folder = RunFolder(place, settings, some)
+    except BadFolder as error:
+        stop(str(error), WRONG_INPUT)
+    job = Job(
+        folder=str(place.absolute()),
+        logs="",
+        mission=settings.mission,
+        backend=backend,
+        environment=cores,
+        gateway=gateway,
+        pictures=pictures,
+        episode_s=episode_s,
+    )
+    with folder:
+        summary = _fly(folder, job, settings, console)
+    if as_json:
+        typer.echo(json.dumps(summary.model_dump(mode="json"), ensure_ascii=False))
+    else:
+        print_summary(Console(), summary, str(place))
+
+
+def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -> Summary:
+    title = f"{settings.tasks}, {settings.backend}, {settings.mission.viewpoint.policy}"
+    before = len(folder.records)
+    if before:
+        console.print(f"{folder.path}: {before} of {len(folder.tasks)} results are there already", highlight=False)
+    view = LiveProgress(console, title) if console.is_terminal else PlainProgress(console, title)
+    with view:
+        run = Run(folder, job, settings.workers, view.show)
+        try:
+            asyncio.run(interruptible(run.fly()))
+        except asyncio.CancelledError:
+            run.conclude()
+            stop(
+                f"interrupted after {len(folder.records)} of {len(folder.tasks)} results; the same command with "
+                f"--out {folder.path} goes on",
+                INTERRUPTED,
+            )
+        except (CannotRun, OSError) as error:
+            stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)
+    return run.conclude()
+
+
+def _tasks(tasks: str | None, seed: int | None, count: int | None, console: Console) -> TaskSet:
+    """Raises BadTasks, ValueError, CannotGenerate, SimulatorFault."""
+    if (seed is None) != (count is None):
+        raise ValueError("a fresh set needs both --seed and --count")
+    if seed is not None and count is not None:
+        if tasks is not None:
+            raise ValueError("give either --tasks or --seed and --count")
+        return generated(seed, count, console)
+    return load(tasks or "vld-300")
+
+
+def _first(chosen: TaskSet, count: int) -> list[Task]:
+    """`count` tasks, spread evenly over the set, so that a small run meets every kind of building."""
+    n = len(chosen.tasks)
+    return [chosen.tasks[k * n // count] for k in range(count)]
+
+
+def _gateway(mode: str, recording: Path | None, noise: dict[str, float]) -> dict[str, str]:
+    settings = {"CACHE_MODE": mode}
+    if recording is not None:
+        settings["CACHE_PATH"] = str(recording.absolute())
+    return settings | {f"ORACLE_{name.upper()}": f"{value:g}" for name, value in noise.items()}
+
+
+def one_core_each(environment: Mapping[str, str]) -> dict[str, str]:
+    """Workers share the machine by processes, not by threads: each renderer and each numerical library keeps to one
+    core, unless the environment says otherwise."""
+    names = ("LP_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+    return {name: environment.get(name, "1") for name in names}
+
+
+def _versions() -> dict[str, str]:
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found

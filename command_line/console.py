@@ -1,0 +1,72 @@
+"""What the commands of `logisticsvln` share: how they show that they go on, and how they end."""
+
+import asyncio
+import signal
+from collections.abc import Coroutine
+from types import TracebackType
+from typing import Any, NoReturn, Self, TypeVar
+
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+from rich.live import Live
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
+T = TypeVar("T")
+
+
+class Redrawn:
+    """A view that is drawn in one place of the terminal while it is entered."""
+
+    def __init__(self, drawing: Live | Progress) -> None:
+        self._drawing = drawing
+
+    def __enter__(self) -> Self:
+        self._drawing.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._drawing.stop()
+
+
+class Printed:
+    """A view of lines that stay: for pipes, logs and CI. Entered as the other kind is, it holds nothing."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        return None
+
+
+def bar(console: Console) -> Progress:
+    """A bar with a job's description, how many are done and the time left; gone when it is over."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+async def interruptible(work: Coroutine[Any, Any, T]) -> T:
+    """`work`, which SIGINT and SIGTERM cancel. Raises asyncio.CancelledError then."""
+    task = asyncio.current_task()
+    if task is not None:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+    return await work
+
+
+def stop(message: str, code: int) -> NoReturn:
+    """End the command with one line that says why."""
+    typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
+    raise typer.Exit(code)
+
+
+def first_problem(error: ValidationError) -> str:
+    """Where the first wrong value stands, and what is wrong with it."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    return f"{where}: {first['msg']}" if where else str(first["msg"])

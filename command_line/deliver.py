@@ -1,0 +1,134 @@
+"""`logisticsvln deliver`: one delivery, shown live."""
+
+import asyncio
+import contextlib
+import json
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from pydantic import ValidationError
+from rich.console import Console
+
+from command_line import mission_options
+from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
+from command_line.delivery_view import LiveView, PlainView, print_result
+from command_line.mission_options import SEED_HIGH, mission_settings
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult
+from contracts.scene import Scene
+from launcher.processes import (
+    CannotStart,
+    Processes,
+    free_ports,
+    oracle_settings,
+    parse_addresses,
+)
+from mission.clients import Services
+from orchestrator.delivery import BadDelivery, Order, Run
+from service_kit.addresses import FLIGHT_SERVICES, Addresses
+from service_kit.connections import Connections, Tokens
+from service_kit.settings import BadSetting, process_environment
+
+MAX_SCENE_BYTES = 4 * 1024 * 1024
+
+
+def deliver(
+    request: Annotated[str | None, typer.Argument(help="The customer's words; a sample brings its own.")] = None,
+    scene: Annotated[Path | None, typer.Option(help="A scene document (JSON).")] = None,
+    sample: Annotated[str | None, typer.Option(help="A shipped delivery; `logisticsvln samples` lists them.")] = None,
+    backend: mission_options.Backend = "embedded",
+    viewpoint: mission_options.Viewpoint = None,
+    choice: mission_options.Choice = None,
+    floors: mission_options.Floors = "stepwise",
+    sightings: mission_options.Sightings = "look-again",
+    drift: mission_options.Drift = 0.0,
+    parser: mission_options.Parser = None,
+    max_steps: mission_options.MaxSteps = 30,
+    image_size: mission_options.ImageSize = 800,
+    seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH)] = 0,
+    out: Annotated[Path, typer.Option(help="Where the records go.")] = Path("runs"),
+    services: Annotated[
+        str | None, typer.Option(help="Running services: name=url,..., or `default`; else own ones are started.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+) -> None:
+    """Fly one delivery and show it live. Ends with code 0 only when it was delivered."""
+    try:
+        settings = mission_settings(
+            viewpoint=viewpoint,
+            choice=choice,
+            floors=floors,
+            sightings=sightings,
+            drift=drift,
+            parser=parser,
+            max_steps=max_steps,
+            image_size=image_size,
+            seed=seed,
+        )
+        question = DeliveryQuestion(
+            request=request,
+            scene=read_scene(scene) if scene else None,
+            sample=sample,
+            backend=backend,
+            settings=settings,
+        )
+        order = Order(question)
+        at = parse_addresses(services) if services else None
+        tokens = Connections.read(process_environment()).tokens
+    except ValidationError as error:
+        stop(first_problem(error), WRONG_INPUT)
+    except (BadDelivery, BadSetting, ValueError) as error:
+        stop(str(error), WRONG_INPUT)
+    console = Console(stderr=as_json)
+    try:
+        run, result = asyncio.run(interruptible(_deliver(order, out, backend, at, tokens, console, live=not as_json)))
+    except CannotStart as error:
+        stop(f"the services could not be started: {error}", FAILED)
+    except OSError as error:
+        stop(f"the record can't be written to {out}: {error.strerror}", WRONG_INPUT)
+    except asyncio.CancelledError:
+        stop("interrupted before the flight began", INTERRUPTED)
+    folder = str(run.record.folder)
+    if as_json:
+        told = {"id": run.id, "request": order.request, "scene": order.scene.name, "backend": backend}
+        typer.echo(json.dumps(told | result.model_dump(mode="json") | {"folder": folder}, ensure_ascii=False))
+    else:
+        print_result(console, result, folder)
+    if result.outcome == "cancelled":
+        raise typer.Exit(INTERRUPTED)
+    raise typer.Exit(0 if result.outcome == "delivered" else FAILED)
+
+
+async def _deliver(
+    order: Order, out: Path, backend: str, at: Addresses | None, tokens: Tokens, console: Console, *, live: bool
+) -> tuple[Run, DeliveryResult]:
+    """Starts what is needed, flies, stops what was started. Cancelling it ends the flight, not the record."""
+    async with contextlib.AsyncExitStack() as stack:
+        terminal = live and console.is_terminal
+        view: LiveView | PlainView = LiveView(console, order.request, backend) if terminal else PlainView(console)
+        stack.enter_context(view)
+        if at is None:
+            ports = free_ports(FLIGHT_SERVICES)
+            view.note("starting the services")
+            extra = oracle_settings(ports) if backend == "oracle" else {}
+            logs = out / "logs" / time.strftime("%Y%m%d-%H%M%S")
+            own = Processes(ports, logs, environment=process_environment(), extra=extra)
+            at = (await stack.enter_async_context(own)).addresses
+        clients = await stack.enter_async_context(Services(at, tokens))
+        run = Run(order, out, listener=view.show)
+        return run, await run.fly(clients.ports())
+
+
+def read_scene(path: Path) -> Scene:
+    """Raises ValueError with one line that says what is wrong with the file."""
+    try:
+        if path.stat().st_size > MAX_SCENE_BYTES:
+            raise ValueError(f"{path} is larger than {MAX_SCENE_BYTES} bytes: that is no scene document")
+        return Scene.model_validate_json(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is not a text file") from None
+    except ValidationError as error:
+        raise ValueError(f"{path} is not a scene: {first_problem(error)}") from None

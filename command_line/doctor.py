@@ -1,0 +1,212 @@
+"""`logisticsvln doctor`: does this machine have what is needed, and what to do where it has not."""
+
+import asyncio
+import contextlib
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, NamedTuple
+from urllib.parse import urlsplit
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from command_line.console import FAILED, INTERRUPTED, interruptible, stop
+from launcher.processes import CannotStart, Processes, free_ports, is_free
+from orchestrator import sample_library
+from service_kit.addresses import PORTS
+from service_kit.settings import process_environment
+
+ENOUGH_DISK_BYTES = 1 << 30
+CALIBRATION = "services.vlm_gateway.calibration"
+GL_PROBE = """
+import moderngl
+context = moderngl.create_context(standalone=True, backend="egl")
+print(context.info["GL_RENDERER"], "|", context.info["GL_VERSION"])
+"""
+
+
+def doctor(
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
+    out: Annotated[Path, typer.Option(help="Where records go.")] = Path("runs"),
+    model: Annotated[
+        str | None,
+        typer.Option("--calibrate", help="An alias of the gateway: find out how this vision model writes boxes."),
+    ] = None,
+    gateway: Annotated[
+        str | None, typer.Option(help="A running gateway, for --calibrate; else one is started for it.")
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=1, max=20, help="Pictures to show, for --calibrate.")] = 3,
+) -> None:
+    """Look whether this machine has what is needed, and say what to do about what it hasn't."""
+    if model is not None:
+        try:
+            raise typer.Exit(
+                asyncio.run(interruptible(calibrate(model, gateway, rounds, out / "logs", as_json=as_json)))
+            )
+        except CannotStart as error:
+            stop(f"the gateway could not be started: {error}", FAILED)
+        except asyncio.CancelledError:
+            stop("interrupted before the last picture", INTERRUPTED)
+    findings = examine(process_environment(), out)
+    if as_json:
+        typer.echo(json.dumps({"ok": all(f.ok for f in findings), "findings": [f._asdict() for f in findings]}))
+    else:
+        print_findings(Console(), findings)
+    raise typer.Exit(0 if all(f.ok for f in findings) else 1)
+
+
+class Finding(NamedTuple):
+    """One thing that was looked at; `remedy` says what to do where it is not ok, or could be better."""
+
+    name: str
+    ok: bool
+    found: str
+    remedy: str = ""
+
+
+def examine(environment: Mapping[str, str], runs: Path) -> list[Finding]:
+    """All findings; nothing is changed on the machine, except that the folder of the records is made."""
+    return [_python(), _packages(), _renderer(), _redis(environment), *_ports(), _disk(runs), _samples()]
+
+
+def _python() -> Finding:
+    version = ".".join(str(part) for part in sys.version_info[:3])
+    good = (3, 11) <= sys.version_info[:2] <= (3, 12)
+    return Finding("Python", good, version, "" if good else "use Python 3.11 or 3.12, then `make setup`")
+
+
+def _packages() -> Finding:
+    needed = ("fastapi", "aiohttp", "cv2", "numpy", "pybullet", "moderngl", "shapely", "zstandard", "redis")
+    probe = f"import importlib.util as u; print(*[n for n in {needed!r} if u.find_spec(n) is None])"
+    missing = _output(probe).strip()
+    return Finding(
+        "Packages", not missing, f"missing: {missing}" if missing else "all there", "`make setup`" if missing else ""
+    )
+
+
+def _renderer() -> Finding:
+    said = _output(GL_PROBE).strip()
+    if "|" in said:
+        return Finding("Renderer", True, f"moderngl on EGL: {said.replace(' | ', ', OpenGL ')}")
+    tiny = "print('ok') if __import__('importlib.util').util.find_spec('pybullet') else None"
+    usable = "ok" in _output(tiny)
+    return Finding(
+        "Renderer",
+        usable,
+        f"no OpenGL on EGL ({said.splitlines()[-1][:120] if said else 'no answer'}); "
+        + ("PyBullet's slow TinyRenderer is used" if usable else "and no PyBullet either"),
+        "install libegl1, libgl1 and libgl1-mesa-dri for pictures ten times as fast",
+    )
+
+
+def _redis(environment: Mapping[str, str]) -> Finding:
+    url = environment.get("REDIS_URL")
+    if url:
+        parts = urlsplit(url)
+        there = _listens(parts.hostname or "127.0.0.1", parts.port or 6379)
+        return Finding(
+            "Redis",
+            there,
+            f"REDIS_URL is set and {'answers' if there else 'does not answer'}",
+            "" if there else "start that server, or unset REDIS_URL: the gateway then uses its SQLite file",
+        )
+    program = shutil.which("redis-server")
+    return Finding(
+        "Redis",
+        True,
+        "REDIS_URL is not set: the gateway caches in an SQLite file",
+        "" if program else "only the tests need redis-server: `make test` installs it",
+    )
+
+
+def _ports() -> list[Finding]:
+    taken = [f"{name} {port}" for name, port in PORTS.items() if not is_free(port)]
+    return [
+        Finding(
+            "Ports",
+            True,
+            f"taken: {', '.join(taken)}" if taken else f"{min(PORTS.values())}-{max(PORTS.values())} are free",
+            "fine if these are our services; else `logisticsvln serve --base-port`" if taken else "",
+        )
+    ]
+
+
+def _disk(runs: Path) -> Finding:
+    try:
+        runs.mkdir(parents=True, exist_ok=True)
+        free = shutil.disk_usage(runs).free
+        writable = os.access(runs, os.W_OK)
+    except OSError as error:
+        return Finding("Disk", False, f"{runs}: {error.strerror}", "choose another folder with --out")
+    good = writable and free >= ENOUGH_DISK_BYTES
+    remedy = "" if good else "make room or choose another folder with --out (a delivery takes 5 to 30 MB)"
+    return Finding(
+        "Disk", good, f"{free / 1e9:.1f} GB free for {runs}" + ("" if writable else ", not writable"), remedy
+    )
+
+
+def _samples() -> Finding:
+    names = sample_library.names()
+    try:
+        for name in names:
+            sample_library.load(name)
+    except ValueError as error:
+        return Finding("Samples", False, str(error), "restore orchestrator/samples from the repository")
+    found = f"{len(names)}: {', '.join(names)}"
+    return Finding("Samples", bool(names), found, "" if names else "restore orchestrator/samples from the repository")
+
+
+def _output(program: str) -> str:
+    """What a Python of its own prints: a crash in a graphics driver must not end the doctor."""
+    try:
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False)
+    except subprocess.TimeoutExpired:
+        return "no answer within 30 s"
+    return done.stdout if done.returncode == 0 else done.stderr
+
+
+def _listens(host: str, port: int) -> bool:
+    try:
+        with socket.create_connection((host, port), 1.0):
+            return True
+    except OSError:
+        return False
+
+
+def print_findings(console: Console, findings: list[Finding]) -> None:
+    """For a person: a mark, what was found, and what to do."""
+    table = Table.grid(padding=(0, 2))
+    for one in findings:
+        mark = Text("ok", "green") if one.ok else Text("!!", "bold red")
+        table.add_row(mark, one.name, Text(one.found, overflow="fold"))
+        if one.remedy:
+            table.add_row("", "", Text(f"→ {one.remedy}", "yellow", overflow="fold"))
+    console.print(table)
+
+
+async def calibrate(model: str, gateway: str | None, rounds: int, logs: Path, *, as_json: bool) -> int:
+    """The exit status of the gateway's own calibration, run before the `gateway` at that address, or before one that is
+    started for it with this process's environment (its GATEWAY_CONFIG). Raises CannotStart."""
+    environment = process_environment()
+    async with contextlib.AsyncExitStack() as stack:
+        if gateway is None:
+            # answers of an earlier calibration would tell nothing about the model as it is now
+            uncached = environment | {"CACHE_MODE": "off"}
+            own = Processes(free_ports(["vlm_gateway"]), logs, environment=uncached)
+            gateway = (await stack.enter_async_context(own)).addresses.vlm_gateway
+        command = [sys.executable, "-m", CALIBRATION, model, "--gateway", gateway, "--rounds", str(rounds)]
+        process = await asyncio.create_subprocess_exec(*command, *["--json"] * as_json, env=environment)
+        try:
+            return await process.wait()
+        finally:
+            if process.returncode is None:
+                process.terminate()
+                await process.wait()

@@ -1,0 +1,301 @@
+"""One worker of a run: a process with services of its own that flies one task after the other.
+
+`python -m evaluation.bench.worker` reads lines from standard input: first one Job, then one Order each. It answers on
+standard output: one Ready, then one EpisodeRecord an order (see evaluation.bench.worker_loop).
+"""
+
+import asyncio
+import contextlib
+import math
+import shutil
+import sys
+import time
+import zlib
+from pathlib import Path
+from typing import Literal, NamedTuple, Protocol
+
+from pydantic import Field
+
+from contracts.base import Name, Wire
+from contracts.event_data import EventData
+from contracts.geometry import VIEW_HEADINGS_DEG, Heading
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
+from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from evaluation.bench.worker_loop import answer_lines
+from evaluation.metrics.episode import EpisodeRecord
+from evaluation.metrics.taxonomy import reason_of
+from evaluation.task_set.task import Task
+from launcher.processes import CannotStart, Child, Processes, free_ports
+from mission.clients import Services
+from mission.mission import Mission
+from mission.ports import PortError, Ports, World
+from mission.record import Log, Pictures, Record, now
+from service_kit.addresses import FLIGHT_SERVICES
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
+
+END_S = 20.0
+DYING_S = 2.0
+"""How long a service that stopped answering may take to be gone, before it counts as running."""
+_GLANCE_S = 0.02
+IDLE_S = "86400"
+"""An episode that was opened ahead waits for its turn, however long the one before it takes."""
+
+Kept = Literal["none", "failures", "all"]
+"""Whose pictures a run keeps."""
+
+
+class Job(Wire):
+    """What a worker is told first. `environment` goes to the services on top of its own, `sim` and `gateway` to one."""
+
+    folder: str
+    logs: str
+    mission: MissionSettings
+    backend: Name
+    environment: dict[str, str] = {}
+    sim: dict[str, str] = {}
+    gateway: dict[str, str] = {}
+    pictures: Kept = "none"
+    episode_s: float = Field(default=900.0, gt=0.0)
+
+
+class Order(Wire):
+    """Fly `task`; `upcoming` is most likely the next one, whose scene is built meanwhile."""
+
+    task: Task
+    upcoming: Task | None = None
+
+
+class Unwritten:
+    """A log for runs that keep nothing but results."""
+
+    def write(self, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
+        """Forgets it."""
+
+
+class Ahead(NamedTuple):
+    """An episode that is being opened before its turn."""
+
+    question: EpisodeQuestion
+    opening: asyncio.Task[Episode]
+
+
+class ClockedWorld:
+    """The world, with the time that its renderer took added up. Once the drone is placed, it opens the upcoming
+    episode as well: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
+
+    def __init__(self, world: World, ready: Ahead | None, upcoming: EpisodeQuestion | None) -> None:
+        self._world = world
+        self._ready = ready
+        self._upcoming = upcoming
+        self.ahead: Ahead | None = None
+        self.render_s = 0.0
+
+    async def start(self, question: EpisodeQuestion) -> Episode:
+        episode: Episode | None = None
+        if self._ready is not None and self._ready.question == question:
+            with contextlib.suppress(PortError):  # then it is tried again in its turn
+                episode = await self._ready.opening
+        if episode is None:
+            episode = await self._world.start(question)
+        if self._upcoming is not None:
+            self.ahead = Ahead(self._upcoming, asyncio.create_task(self._world.start(self._upcoming)))
+        return episode
+
+    async def observe(
+        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
+    ) -> Observation:
+        seen = await self._world.observe(episode, headings=headings, size=size)
+        self.render_s += seen.render_s
+        return seen
+
+    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
+        return await self._world.move(episode, number, move)
+
+    async def claim(self, episode: str, claim: Claim) -> Verdict:
+        return await self._world.claim(episode, claim)
+
+    async def end(self, episode: str) -> None:
+        await self._world.end(episode)
+
+
+class Group(Protocol):
+    """What of a group of services tells whether they still run."""
+
+    def ended(self) -> Child | None: ...
+
+
+async def who_ended(group: Group, patience_s: float) -> Child | None:
+    """A service that runs no more; null where all do. A process that is killed closes its connections a moment before
+    it is over, so that whoever finds it silent may have to wait for its end."""
+    for _ in range(math.ceil(patience_s / _GLANCE_S)):
+        if (ended := group.ended()) is not None:
+            return ended
+        await asyncio.sleep(_GLANCE_S)
+    return group.ended()
+
+
+class Worker:
+    """Services, and the flights through them."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self._group: Processes | None = None
+        self._services: Services | None = None
+        self._starts = 0
+        self._ahead: Ahead | None = None
+
+    async def start(self) -> None:
+        """Fresh services on free ports. Raises CannotStart."""
+        await self.stop()
+        job = self._job
+        ports = free_ports(FLIGHT_SERVICES)
+        gateway = {"ORACLE_SIM_URL": f"http://127.0.0.1:{ports['sim']}"} if job.backend == "oracle" else {}
+        sim = {"SIM_TRUTH": "on"} if job.backend == "oracle" else {}
+        self._starts += 1
+        environment = process_environment() | job.environment
+        group = Processes(
+            ports,
+            Path(job.logs) / str(self._starts),
+            environment=environment,
+            extra={"sim": {"SIM_IDLE_S": IDLE_S} | sim | job.sim, "vlm_gateway": gateway | job.gateway},
+        )
+        # remembered before it is ready, so that whatever interrupts the start stops it
+        self._group = group
+        group.start()
+        await group.ready()
+        self._services = Services(group.addresses, Connections.read(environment).tokens)
+
+    async def stop(self) -> None:
+        services, group = self._services, self._group
+        self._services = self._group = None
+        if self._ahead is not None:
+            self._ahead.opening.cancel()
+            await asyncio.wait({self._ahead.opening})
+            self._ahead = None
+        if services is not None:
+            await services.close()
+        if group is not None:
+            await asyncio.to_thread(group.stop)
+
+    async def answer(self, line: bytes, gone: asyncio.Event) -> EpisodeRecord | None:
+        """Raises pydantic.ValidationError for a line that is no Order."""
+        return await self.fly(Order.model_validate_json(line), gone)
+
+    async def fly(self, order: Order, gone: asyncio.Event) -> EpisodeRecord | None:
+        """The task's record, whatever happened; null when `gone` was set meanwhile."""
+        task = order.task
+        started, began = now(), time.perf_counter()
+        result: DeliveryResult | None = None
+        error: str | None = None
+        render_s = 0.0
+        folder = self._record_folder(task)
+        try:
+            if self._services is None or self._group is None or self._group.ended() is not None:
+                await self.start()
+            assert self._services is not None
+            ports = self._services.ports()
+            upcoming = self._question(order.upcoming) if order.upcoming is not None else None
+            world = ClockedWorld(ports.world, self._ahead, upcoming)
+            self._ahead = None
+            own = Ports(parser=ports.parser, vision=ports.vision, depth=ports.depth, world=world)
+            try:
+                result = await self._flown(task, own, folder, gone)
+            finally:
+                render_s = world.render_s
+                self._ahead = world.ahead
+            if gone.is_set():
+                return None
+            if result is None:
+                error = f"the episode took longer than {self._job.episode_s:g} s"
+                await self.start()
+        except CannotStart as cause:
+            error = f"the services could not be started: {cause}"
+        except Exception as cause:
+            error = f"{type(cause).__name__}: {cause}"
+        reason = reason_of(task, result)
+        if error is None and self._group is not None:
+            ended = await who_ended(self._group, DYING_S if reason == "unreachable" else 0.0)
+            if ended is not None:
+                error = f"{ended.name} ended with code {ended.process.returncode} during the episode"
+        if error is None and reason == "error" and result is not None:
+            error = result.message
+        if folder is not None and self._job.pictures == "failures" and reason == "success":
+            shutil.rmtree(folder, ignore_errors=True)
+            folder = None
+        return EpisodeRecord(
+            task=task.id,
+            reason=reason,
+            result=result,
+            error=error,
+            started=started,
+            wall_s=round(time.perf_counter() - began, 4),
+            render_s=round(render_s, 4),
+            model_s=round(sum(c.seconds for c in result.model_calls.values()), 4) if result else 0.0,
+            folder=f"episodes/{task.id}" if folder is not None else None,
+        )
+
+    async def _flown(self, task: Task, ports: Ports, folder: Path | None, gone: asyncio.Event) -> DeliveryResult | None:
+        """Null where it took too long, or `gone` was set."""
+        settings = self._settings(task)
+        record = self._record(task, settings, folder) if folder is not None else None
+        log: Log = record or Unwritten()
+        try:
+            flight = asyncio.create_task(Mission(ports, settings, log).fly(task.request, self._question(task)))
+            leaving = asyncio.create_task(gone.wait())
+            done, _ = await asyncio.wait(
+                {flight, leaving}, timeout=self._job.episode_s, return_when=asyncio.FIRST_COMPLETED
+            )
+            leaving.cancel()
+            if flight not in done:
+                flight.cancel()
+                await asyncio.wait({flight}, timeout=END_S)
+                return None
+            result = flight.result()
+            if record is not None:
+                record.conclude(result)
+                record.announce(result)
+            return result
+        finally:
+            if record is not None:
+                record.close()
+
+    def _question(self, task: Task) -> EpisodeQuestion:
+        return EpisodeQuestion(scene=task.scene, flight=self._job.mission.flight)
+
+    def _settings(self, task: Task) -> MissionSettings:
+        """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""
+        mission = self._job.mission
+        seed = (mission.seed + zlib.crc32(task.id.encode())) % 2**31
+        return mission.model_copy(update={"vision_model": self._job.backend, "seed": seed})
+
+    def _record_folder(self, task: Task) -> Path | None:
+        if self._job.pictures == "none":
+            return None
+        folder = Path(self._job.folder) / "episodes" / task.id
+        shutil.rmtree(folder, ignore_errors=True)  # what a killed session left of it
+        return folder
+
+    def _record(self, task: Task, settings: MissionSettings, folder: Path) -> Record:
+        question = DeliveryQuestion(
+            request=task.request, scene=task.scene, backend=self._job.backend, settings=settings
+        )
+        delivery = Delivery(
+            id=task.id,
+            status="waiting",
+            phase="parse",
+            request=task.request,
+            scene=task.scene.name,
+            created=now(),
+            folder=str(folder),
+        )
+        return Record(folder, delivery, question)
+
+
+def main() -> int:
+    """Returns the exit status."""
+    return answer_lines("evaluation.bench.worker", lambda line: Worker(Job.model_validate_json(line)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

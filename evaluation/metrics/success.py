@@ -1,0 +1,36 @@
+"""Success, and how it grows with the radius in which a stop counts."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from contracts.orchestrator import DeliveryResult
+from evaluation.metrics.episode import EpisodeRecord
+from evaluation.metrics.proportion import Proportion, share
+
+SUCCESS_RADIUS_M = 3.0
+CURVE_RADII_M = (2.0, 3.0, 5.0, 7.0, 10.0)
+
+
+class AtRadius(NamedTuple):
+    """Success if a stop counted within `radius_m` of the window's centre."""
+
+    radius_m: float
+    success: Proportion
+
+
+def success_rate(records: Sequence[EpisodeRecord]) -> Proportion:
+    """Tasks delivered / all tasks; an episode that broke is a failure. Without records 0 of 0, no rate."""
+    return share(record.success for record in records)
+
+
+def stops_well(result: DeliveryResult | None, radius_m: float = SUCCESS_RADIUS_M) -> bool:
+    """The right window claimed within `radius_m` of its centre, in front of it, in clear sight, never collided."""
+    verdict = result.verdict if result is not None else None
+    if verdict is None or not verdict.right_window or verdict.distance_m is None:
+        return False
+    return verdict.distance_m <= radius_m and verdict.in_front and verdict.line_of_sight and not verdict.collided
+
+
+def success_curve(records: Sequence[EpisodeRecord], radii_m: Sequence[float] = CURVE_RADII_M) -> tuple[AtRadius, ...]:
+    """One point a radius, over all tasks. Without records every point is 0 of 0."""
+    return tuple(AtRadius(r, share(stops_well(record.result, r) for record in records)) for r in radii_m)

@@ -1,0 +1,239 @@
+"""A run in figures: the one object that `--json` prints and `summary.json` holds; and two runs on the same tasks."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import get_args
+
+import numpy as np
+
+from contracts.base import Wire
+from evaluation.metrics.breakdown import GROUPINGS, breakdown
+from evaluation.metrics.collisions import collisions
+from evaluation.metrics.coverage import Absence, absence
+from evaluation.metrics.episode import EpisodeRecord, Reason
+from evaluation.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
+from evaluation.metrics.ideal_lap import ideal_lap_spl
+from evaluation.metrics.model_calls import RoleCalls, model_calls
+from evaluation.metrics.paired import mcnemar, paired_bootstrap
+from evaluation.metrics.proportion import Proportion
+from evaluation.metrics.recognition import recognition_fail_rate
+from evaluation.metrics.spl import Flown, spl
+from evaluation.metrics.steps import average_steps
+from evaluation.metrics.success import success_curve, success_rate
+from evaluation.task_set.task import Task
+
+BOOTSTRAP_SEED = 20_250
+FEWEST_FOR_BOOTSTRAP = 10
+"""Resampling a handful of tasks shows nothing but that handful: below this only the mean is given."""
+
+
+class Rate(Wire):
+    """k of n with its Wilson 95 % interval; `rate`, `low` and `high` (0..1) are null where n is 0."""
+
+    k: int
+    n: int
+    rate: float | None
+    low: float | None
+    high: float | None
+
+
+class Spl(Wire):
+    """Success weighted by path length, 0..1, over all tasks: the ground plan's way, and the way in space."""
+
+    horizontal: float | None
+    spatial: float | None
+
+
+class RadiusPoint(Wire):
+    """Success if a stop counted within `radius_m`."""
+
+    radius_m: float
+    success: Rate
+
+
+class Groups(Wire):
+    """Success by what kind of task it was."""
+
+    difficulty: dict[str, Rate]
+    building: dict[str, Rate]
+    footprint: dict[str, Rate]
+    neighbours: dict[str, Rate]
+    category: dict[str, Rate]
+    floor: dict[str, Rate]
+
+
+class Absent(Wire):
+    """The tasks whose object is not there. `not_found`: ended as object_not_found without a claim; `claimed`: claimed
+    some window all the same; `windows_seen`: of the windows on the wanted floors; `inspected_share`: the mean of what
+    the searches themselves say of the facade, null where none says it."""
+
+    not_found: Rate
+    claimed: Rate
+    windows_seen: Rate
+    inspected_share: float | None
+
+
+class Summary(Wire):
+    """A run's figures. Every rate is over the `tasks` flown, broken episodes included; `planned` is how many the run
+    is to have. `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and
+    waiting for models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of somebody
+    who knows the map and guesses the side, on the same tasks."""
+
+    tasks: int
+    planned: int
+    success: Rate
+    floor_fail: Rate
+    recognition_fail: Rate
+    spl: Spl
+    ideal_lap_spl: float | None = None
+    average_steps: float | None
+    collisions: int
+    outcomes: dict[Reason, int]
+    model_calls: dict[str, RoleCalls]
+    wall_s: float
+    render_s: float
+    model_s: float
+    floor_fail_half_floor: Rate
+    success_curve: tuple[RadiusPoint, ...]
+    groups: Groups
+    errors: dict[str, int]
+    absent: Absent | None = None
+
+
+class Change(Wire):
+    """first - second with a 95 % interval and a two-sided p; all null without tasks in common, all but the mean for
+    fewer than `FEWEST_FOR_BOOTSTRAP`."""
+
+    mean: float | None
+    low: float | None
+    high: float | None
+    p: float | None
+
+
+class Comparison(Wire):
+    """Two runs on the tasks that both flew. `success_p`: McNemar's exact test; `only_*`: tasks that one run alone
+    solved. `success` and `spl` (horizontal): paired bootstrap."""
+
+    tasks: int
+    both: int
+    only_first: int
+    only_second: int
+    neither: int
+    success_p: float
+    success: Change
+    spl: Change
+
+
+def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_s: float) -> Summary:
+    """The figures of the episodes flown so far. `tasks` by id, all that the run is to fly; `wall_s` in seconds.
+
+    Raises ValueError for a record of an unknown task, and for two records of one.
+    """
+    _check(tasks, records)
+    # by task, so that figures do not depend on which worker was first
+    ordered = sorted(records, key=lambda record: record.task)
+    reasons = Counter(record.reason for record in ordered)
+    # no way is the shortest to a thing that is not there
+    there = [record for record in ordered if not tasks[record.task].absent]
+    return Summary(
+        tasks=len(ordered),
+        planned=len(tasks),
+        success=_rate(success_rate(ordered)),
+        floor_fail=_rate(floor_fail_rate(tasks, ordered)),
+        recognition_fail=_rate(recognition_fail_rate(ordered)),
+        spl=Spl(
+            horizontal=_rounded(spl([horizontal(tasks[record.task], record) for record in there])),
+            spatial=_rounded(spl([spatial(tasks[record.task], record) for record in there])),
+        ),
+        ideal_lap_spl=_rounded(ideal_lap_spl(tasks[record.task] for record in ordered)),
+        average_steps=_rounded(average_steps(ordered)),
+        collisions=collisions(ordered),
+        outcomes={reason: reasons[reason] for reason in get_args(Reason) if reasons[reason]},
+        model_calls=model_calls(ordered),
+        wall_s=round(wall_s, 3),
+        render_s=round(sum(record.render_s for record in ordered), 3),
+        model_s=round(sum(record.model_s for record in ordered), 3),
+        floor_fail_half_floor=_rate(half_floor_fail_rate(tasks, ordered)),
+        success_curve=tuple(
+            RadiusPoint(radius_m=point.radius_m, success=_rate(point.success)) for point in success_curve(ordered)
+        ),
+        groups=_groups(tasks, ordered),
+        errors=dict(sorted(Counter(record.error.splitlines()[0] for record in ordered if record.error).items())),
+        absent=_absent(absence(tasks, ordered)),
+    )
+
+
+def compare(tasks: Mapping[str, Task], first: Sequence[EpisodeRecord], second: Sequence[EpisodeRecord]) -> Comparison:
+    """The paired tests over the tasks in both runs. Raises ValueError as `summarize` does."""
+    _check(tasks, first)
+    _check(tasks, second)
+    a, b = ({record.task: record for record in run} for run in (first, second))
+    shared = sorted(a.keys() & b.keys())
+    won = [[run[name].success for name in shared] for run in (a, b)]
+    efficient = [[spl([horizontal(tasks[name], run[name])]) or 0.0 for name in shared] for run in (a, b)]
+    test = mcnemar(won[0], won[1])
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    both = sum(x and y for x, y in zip(*won, strict=True))
+    return Comparison(
+        tasks=len(shared),
+        both=both,
+        only_first=test.only_first,
+        only_second=test.only_second,
+        neither=len(shared) - both - test.only_first - test.only_second,
+        success_p=test.p,
+        success=_change(won[0], won[1], rng),
+        spl=_change(efficient[0], efficient[1], rng),
+    )
+
+
+def horizontal(task: Task, record: EpisodeRecord) -> Flown:
+    """The task's shortest way and the way flown, on the ground plan; a broken episode flew nowhere."""
+    flown = record.result.path_horizontal_m if record.result is not None else 0.0
+    return Flown(record.success, task.shortest_horizontal_m, flown)
+
+
+def spatial(task: Task, record: EpisodeRecord) -> Flown:
+    """The same in space."""
+    flown = record.result.path_m if record.result is not None else 0.0
+    return Flown(record.success, task.shortest_spatial_m, flown)
+
+
+def _change(first: Sequence[float], second: Sequence[float], rng: np.random.Generator) -> Change:
+    found = paired_bootstrap(first, second, rng)
+    if len(first) < FEWEST_FOR_BOOTSTRAP:
+        return Change(mean=found.mean, low=None, high=None, p=None)
+    return Change(**found._asdict())
+
+
+def _groups(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> Groups:
+    found = {name: breakdown(tasks, records, group.of, group.order) for name, group in GROUPINGS.items()}
+    return Groups(**{name: {k: _rate(p) for k, p in groups.items()} for name, groups in found.items()})
+
+
+def _absent(found: Absence | None) -> Absent | None:
+    if found is None:
+        return None
+    return Absent(
+        not_found=_rate(found.ended),
+        claimed=_rate(found.claimed),
+        windows_seen=_rate(found.windows),
+        inspected_share=_rounded(found.said),
+    )
+
+
+def _check(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> None:
+    twice = [name for name, times in Counter(record.task for record in records).items() if times > 1]
+    if twice:
+        raise ValueError(f"more than one record of task {twice[0]}")
+    unknown = [record.task for record in records if record.task not in tasks]
+    if unknown:
+        raise ValueError(f"a record of task {unknown[0]}, which is not among the {len(tasks)} tasks of the run")
+
+
+def _rate(proportion: Proportion) -> Rate:
+    return Rate(**{name: _rounded(value) for name, value in proportion._asdict().items()})
+
+
+def _rounded(value: float | None) -> float | None:
+    """Six digits are more than any task set tells; whole numbers stay whole."""
+    return value if value is None or isinstance(value, int) else round(value, 6)

@@ -1,0 +1,137 @@
+"""Asks the gateway about rendered pictures, as a mission would, and keeps every answer."""
+
+from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import pybase64
+
+from contracts.base import Name, Unit, Wire
+from contracts.geometry import Box
+from contracts.images import JpegImage
+from contracts.sim import Catalogue
+from contracts.vlm_gateway import (
+    Answer,
+    BuildingBoxQuestion,
+    FindObjectQuestion,
+    FloorCountQuestion,
+    Match,
+    Outcome,
+    View,
+)
+from evaluation.model_evaluation.cases import Case, Front, Look
+from evaluation.model_evaluation.questions import Role, questions
+from mission.ports import ModelUnreachable, Vision
+
+A = TypeVar("A", bound=Answer)
+
+
+class Sought(Wire):
+    """One question for an object and its answer; `outcome` is null where the model could not be reached. `first`: the
+    pictures of this look had not been shown to the model before."""
+
+    seed: int
+    look: int
+    role: Role
+    phrase: str
+    kind: str | None
+    colour: str | None
+    first: bool
+    outcome: Outcome | None
+    matches: tuple[Match, ...] = ()
+    claim_confidence: float | None = None
+    latency_s: float = 0.0
+
+
+class Counted(Wire):
+    """One count of floors and the building's box in the same picture; null where no readable answer came. `rows`: where
+    the model says their windows are, as in contracts.vlm_gateway.FloorCountAnswer."""
+
+    seed: int
+    front: int
+    floors: int | None
+    rows: tuple[Unit, ...] | None = None
+    box: Box | None
+    latency_s: float = 0.0
+
+
+class Answers(Wire):
+    """Everything one model said. `model`: who answered, by its own account."""
+
+    model: str | None
+    sought: tuple[Sought, ...]
+    counted: tuple[Counted, ...]
+
+
+class Asker:
+    """Asks one model. Raises mission.ports.PortError where the gateway itself fails, OSError."""
+
+    def __init__(self, vision: Vision, folder: Path, catalogue: Catalogue, model: Name | None) -> None:
+        self._vision = vision
+        self._folder = folder
+        self._catalogue = catalogue
+        self._alias = model
+        self.model: str | None = None
+
+    async def ask(self, cases: Sequence[Case], told: Callable[[int], None] | None = None) -> Answers:
+        """`told` hears how many cases are done."""
+        sought: list[Sought] = []
+        counted: list[Counted] = []
+        for done, case in enumerate(cases, 1):
+            for number, look in enumerate(case.looks):
+                sought += await self._look(case, number, look)
+            counted += [await self._front(case, number, front) for number, front in enumerate(case.fronts)]
+            if told is not None:
+                told(done)
+        return Answers(model=self.model, sought=tuple(sought), counted=tuple(counted))
+
+    async def _look(self, case: Case, number: int, look: Look) -> list[Sought]:
+        views = tuple(
+            View(heading_deg=heading, image=self._picture(name))
+            for heading, name in zip(look.headings, look.pictures, strict=True)
+        )
+        sought = []
+        for place, asked in enumerate(questions(case, number, self._catalogue)):
+            question = FindObjectQuestion(model=self._alias, object=asked.phrase, views=views)
+            answer = await self._answer(self._vision.find_object(question))
+            sought.append(
+                Sought(
+                    seed=case.seed,
+                    look=number,
+                    role=asked.role,
+                    phrase=asked.phrase,
+                    kind=asked.thing.kind if asked.thing else None,
+                    colour=asked.thing.colour if asked.thing else None,
+                    first=place == 0,
+                    outcome=answer.outcome if answer else None,
+                    matches=answer.matches if answer else (),
+                    claim_confidence=answer.claim_confidence if answer else None,
+                    latency_s=answer.latency_s if answer else 0.0,
+                )
+            )
+        return sought
+
+    async def _front(self, case: Case, number: int, front: Front) -> Counted:
+        image = self._picture(front.picture)
+        count = await self._answer(self._vision.floor_count(FloorCountQuestion(model=self._alias, image=image)))
+        building = await self._answer(self._vision.building_box(BuildingBoxQuestion(model=self._alias, image=image)))
+        return Counted(
+            seed=case.seed,
+            front=number,
+            floors=count.floors if count else None,
+            rows=count.rows if count else None,
+            box=building.box if building else None,
+            latency_s=count.latency_s if count else 0.0,
+        )
+
+    async def _answer(self, call: Awaitable[A]) -> A | None:
+        try:
+            answer = await call
+        except ModelUnreachable:
+            return None
+        self.model = answer.model
+        return answer
+
+    def _picture(self, name: str) -> JpegImage:
+        data = (self._folder / name).read_bytes()
+        return JpegImage(jpeg_base64=pybase64.b64encode(data).decode("ascii"))

@@ -1,0 +1,119 @@
+"""The simulator over HTTP, for the tools that build and judge scenes; nothing of the simulator is imported."""
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+from pydantic import BaseModel
+
+from contracts.geometry import Heading
+from contracts.scene import Scene
+from contracts.sim import (
+    Catalogue,
+    Claim,
+    Episode,
+    EpisodeQuestion,
+    Move,
+    MoveResult,
+    Observation,
+    Truth,
+    TruthQuestion,
+    Verdict,
+)
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
+
+M = TypeVar("M", bound=BaseModel)
+_TIMEOUT_S = 120.0
+
+
+class SimulatorFault(RuntimeError):
+    """The simulator refused, or can't be reached; the message says what it said."""
+
+
+class SimClient:
+    """One simulator at `url`, e.g. `http://127.0.0.1:8104`. Every call raises SimulatorFault."""
+
+    def __init__(self, url: str, token: str | None = None) -> None:
+        self.url = url.rstrip("/")
+        self._headers = {"Content-Type": "application/json"}
+        if token:
+            self._headers["Authorization"] = f"Bearer {token}"
+
+    def catalogue(self) -> Catalogue:
+        return self._call("GET", "/v1/catalogue", None, Catalogue)
+
+    def open(self, scene: Scene) -> Episode:
+        return self._call("POST", "/v1/episodes", EpisodeQuestion(scene=scene), Episode)
+
+    def observe(self, episode: str, views: tuple[Heading, ...], size: int = 800, depth: bool = False) -> Observation:
+        wanted = ",".join(str(v) for v in views)
+        path = f"/v1/episodes/{episode}/observation?views={wanted}&size={size}&depth={str(depth).lower()}"
+        return self._call("GET", path, None, Observation)
+
+    def truth(self, episode: str, question: TruthQuestion) -> Truth:
+        return self._call("POST", f"/v1/episodes/{episode}/truth", question, Truth)
+
+    def move(self, episode: str, number: int, move: Move) -> MoveResult:
+        return self._call("PUT", f"/v1/episodes/{episode}/moves/{number}", move, MoveResult)
+
+    def claim(self, episode: str, claim: Claim) -> Verdict:
+        return self._call("POST", f"/v1/episodes/{episode}/claim", claim, Verdict)
+
+    def close(self, episode: str) -> None:
+        self._send("DELETE", f"/v1/episodes/{episode}", None)
+
+    def _call(self, method: str, path: str, question: BaseModel | None, answer: type[M]) -> M:
+        return answer.model_validate_json(self._send(method, path, question))
+
+    def _send(self, method: str, path: str, question: BaseModel | None) -> bytes:
+        data = None if question is None else question.model_dump_json().encode()
+        request = urllib.request.Request(self.url + path, data=data, method=method, headers=self._headers)
+        try:
+            with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as response:
+                return bytes(response.read())
+        except urllib.error.HTTPError as error:
+            said = error.read(2000).decode(errors="replace")
+            raise SimulatorFault(f"{method} {path} answered {error.code}: {said}") from None
+        except OSError as error:
+            raise SimulatorFault(f"the simulator at {self.url} can't be reached: {error}") from None
+
+
+@contextmanager
+def own_simulator(start_s: float = 60.0) -> Iterator[SimClient]:
+    """A simulator of one's own on a free port, ended with the block, or with this process. Raises SimulatorFault, and
+    BadSetting where the environment's token can't be read."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = int(probe.getsockname()[1])
+    own = {"PORT": str(port), "HOST": "127.0.0.1", "SIM_TRUTH": "on", "PARENT_PID": str(os.getpid())}
+    environment = process_environment()
+    token = Connections.read(environment).tokens.sim
+    process = subprocess.Popen([sys.executable, "-m", "services.sim"], env=environment | own)
+    client = SimClient(f"http://127.0.0.1:{port}", token)
+    try:
+        until = time.monotonic() + start_s
+        while True:
+            try:
+                json.loads(client._send("GET", "/readyz", None))
+                break
+            except (SimulatorFault, ValueError) as error:
+                if process.poll() is not None or time.monotonic() > until:
+                    raise SimulatorFault(f"the simulator did not start: {error}") from None
+                time.sleep(0.1)
+        yield client
+    finally:
+        process.terminate()
+        try:
+            process.wait(timeout=20)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()

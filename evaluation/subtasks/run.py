@@ -1,0 +1,248 @@
+"""Asks one role its questions about a task; and from all the answers, its figures."""
+
+import zlib
+from collections.abc import Awaitable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from contracts.base import Name, Wire
+from contracts.depth_assist import (
+    DirectionPoint,
+    SafeDistancesQuestion,
+    ViewDepth,
+    ViewpointQuestion,
+)
+from contracts.geometry import Heading, PointLabel
+from contracts.images import encode_jpeg
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.orchestrator import MissionSettings, ModelCalls
+from contracts.sim import Observation
+from contracts.vlm_gateway import (
+    Answer,
+    ChooseDirectionQuestion,
+    FindObjectQuestion,
+    FloorCountQuestion,
+    Role,
+    View,
+)
+from evaluation.metrics.model_calls import together
+from evaluation.sim_client import SimClient
+from evaluation.subtasks import choice, floors, parse, recognition
+from evaluation.subtasks.figures import Figures, Subtask, SubtaskScores
+from evaluation.subtasks.stage import Stage, staged
+from evaluation.subtasks.stops import Stop, before_goal, before_start, on_lap
+from evaluation.task_set.task import Task
+from mission.asking import Answered, CallBook
+from mission.marks import mark_points
+from mission.phases.explore import marks_of, search_task
+from mission.ports import ModelUnreachable, Ports
+from mission.sortie import Sight, ahead
+
+A = TypeVar("A", bound=Answer | ParseAnswer)
+ROLES: dict[Subtask, Role] = {
+    "floors": "floors",
+    "recognition": "recognition",
+    "choice": "choice",
+    "parse": "parser",
+}
+
+
+class Plan(NamedTuple):
+    """Who is asked, and how often: `stops` places a task (two kinds of places for recognition, half each)."""
+
+    backend: Name
+    parser: Name | None = None
+    stops: int = 4
+    size: int = 800
+    settings: MissionSettings = MissionSettings()
+
+
+class Asked(Wire):
+    """What came of one task's questions: those of the subtask at hand, in the order asked. `skipped`: stops that could
+    not be reached, or had no question; `model`: who answered last, by its own account; `problem`: why not all could
+    be asked."""
+
+    task: Name
+    parsed: tuple[parse.Parsed, ...] = ()
+    counts: tuple[floors.Count, ...] = ()
+    looks: tuple[recognition.Look, ...] = ()
+    choices: tuple[choice.Choice, ...] = ()
+    skipped: int = 0
+    model: str | None = None
+    calls: ModelCalls = ModelCalls()
+    problem: str | None = None
+
+
+def scored(subtask: Subtask, plan: Plan, asked: Sequence[Asked], wall_s: float) -> SubtaskScores:
+    """The figures of a subtask over the tasks that were asked about."""
+    figures: Figures
+    if subtask == "parse":
+        parsed = [item for task in asked for item in task.parsed]
+        figures, questions = parse.score(parsed), len(parsed)
+    elif subtask == "floors":
+        counts = [item for task in asked for item in task.counts]
+        figures, questions = floors.score(counts), len(counts)
+    elif subtask == "recognition":
+        looks = [item for task in asked for item in task.looks]
+        figures, questions = recognition.score(looks), len(looks)
+    else:
+        choices = [item for task in asked for item in task.choices]
+        figures, questions = choice.score(choices), len(choices)
+    return SubtaskScores(
+        subtask=subtask,
+        backend=plan.backend,
+        model=next((task.model for task in reversed(asked) if task.model is not None), None),
+        tasks=len(asked),
+        questions=questions,
+        skipped=sum(task.skipped for task in asked),
+        rates=figures.rates,
+        values=figures.values,
+        groups=figures.groups,
+        sightings=plan.settings.sightings if subtask == "recognition" else None,
+        model_calls=together([task.calls for task in asked]),
+        wall_s=round(wall_s, 3),
+    )
+
+
+class Examiner:
+    """Asks through the same ports as a mission, so that nothing about a question differs from a flight's."""
+
+    def __init__(self, plan: Plan, ports: Ports, simulator: SimClient | None) -> None:
+        """`simulator` must tell the truth; the parser's subtask needs none."""
+        self._plan = plan
+        self._ports = ports
+        self._simulator = simulator
+        self._book = CallBook()
+        self._skipped = 0
+        self._model: str | None = None
+
+    async def ask(self, subtask: Subtask, task: Task) -> Asked:
+        """All questions of one subtask about one task. Raises SimulatorFault, PortError."""
+        self._book, self._skipped, self._model = CallBook(), 0, None
+        return Asked(
+            task=task.id,
+            parsed=await self._parsed(task) if subtask == "parse" else (),
+            counts=await self._counts(task) if subtask == "floors" else (),
+            looks=await self._looks(task) if subtask == "recognition" else (),
+            choices=await self._choices(task) if subtask == "choice" else (),
+            skipped=self._skipped,
+            model=self._model,
+            calls=self._book.calls.get(ROLES[subtask], ModelCalls()),
+        )
+
+    async def _parsed(self, task: Task) -> tuple[parse.Parsed, ...]:
+        question = ParseQuestion(request=task.request, model=self._plan.parser)
+        answer = await self._ask("parser", self._ports.parser.parse(question))
+        found = (answer.floor, answer.object) if answer else (None, None)
+        return (parse.Parsed(task.style, task.floor, task.object, *found),)
+
+    async def _counts(self, task: Task) -> tuple[floors.Count, ...]:
+        counts = []
+        with self._stage(task) as stage:
+            for _ in self._reached(stage, before_start(task, max(1, self._plan.stops // 2), self._rng(task))):
+                seen = stage.look((0,))
+                truth = stage.truth((0,))[0].floors_visible
+                question = FloorCountQuestion(
+                    model=self._plan.backend, oracle_episode=stage.episode, image=seen.views[0].image
+                )
+                answer = await self._ask("floors", self._ports.vision.floor_count(question))
+                counts.append(floors.Count(truth, answer.floors if answer else None, task.building_kind))
+        return tuple(counts)
+
+    async def _looks(self, task: Task) -> tuple[recognition.Look, ...]:
+        rng = self._rng(task)
+        before = before_goal(task, (self._plan.stops + 1) // 2, rng)
+        looks = []
+        with self._stage(task) as stage:
+            for _ in self._reached(stage, before + on_lap(task, self._plan.stops - len(before), rng)):
+                seen, truth = stage.look(), stage.truth()
+                question = FindObjectQuestion(
+                    model=self._plan.backend,
+                    oracle_episode=stage.episode,
+                    object=task.object,
+                    views=tuple(View(heading_deg=v.heading_deg, image=v.image) for v in seen.views),
+                )
+                answer = await self._ask("recognition", self._ports.vision.find_object(question))
+                matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
+                looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
+        return tuple(looks)
+
+    async def _choices(self, task: Task) -> tuple[choice.Choice, ...]:
+        choices = []
+        with self._stage(task) as stage:
+            for _ in self._reached(stage, on_lap(task, max(1, self._plan.stops // 2), self._rng(task))):
+                made = await self._choice(task, stage)
+                if made is None:
+                    self._skipped += 1
+                else:
+                    choices.append(made)
+        return tuple(choices)
+
+    async def _choice(self, task: Task, stage: Stage) -> choice.Choice | None:
+        """Viewpoint and points as a mission finds them; null where there is nothing to choose between."""
+        settings = self._plan.settings
+        seen = stage.look(depth=True)
+        depths = {
+            view.heading_deg: ViewDepth(heading_deg=view.heading_deg, depth=view.depth)
+            for view in seen.views
+            if view.depth is not None
+        }
+        rule = settings.viewpoint
+        if rule.policy == "contour":  # the explorer offers no points; the model chooses among the paper's rule's
+            rule = rule.model_copy(update={"policy": "paper"})
+        asked = ViewpointQuestion(views=tuple(depths.values()), settings=rule)
+        heading = (await self._ports.depth.viewpoint(asked)).heading_deg
+        beside = tuple(depth for h, depth in depths.items() if 0 < abs(h - heading) <= 45)
+        safe = await self._ports.depth.safe_distances(
+            SafeDistancesQuestion(view=depths[heading], others=beside, settings=settings.safe_distances)
+        )
+        offered = [point for point in safe.points if point.distance_m >= settings.min_move_m]
+        ways = stage.remaining_m(tuple(ahead(seen.pose, p.bearing_deg, p.distance_m) for p in offered))
+        if len(offered) < 2 or all(way is None for way in ways):
+            return None
+        label = await self._label(task, stage, seen, heading, offered)
+        remaining = {point.label: way for point, way in zip(offered, ways, strict=True)}
+        return choice.Choice(remaining, label)
+
+    async def _label(
+        self, task: Task, stage: Stage, seen: Observation, heading: Heading, offered: list[DirectionPoint]
+    ) -> PointLabel | None:
+        view = next(view for view in seen.views if view.heading_deg == heading)
+        points = marks_of(offered)
+        question = ChooseDirectionQuestion(
+            model=self._plan.backend,
+            oracle_episode=stage.episode,
+            heading_deg=heading,
+            image=encode_jpeg(mark_points(Sight(seen.pose, view).rgb, points)),
+            points=points,
+            task=search_task(task.object, task.floor, self._plan.settings.viewpoint.direction),
+        )
+        answer = await self._ask("choice", self._ports.vision.choose_direction(question))
+        return answer.label if answer else None
+
+    async def _ask(self, role: Role, call: Awaitable[A]) -> A | None:
+        """An answer that can't be read, is declined or never comes is no answer; the book knows which it was."""
+        try:
+            reply = await self._book.ask(role, call)
+        except ModelUnreachable:
+            return None
+        self._model = reply.answer.model
+        return reply.answer if isinstance(reply, Answered) else None
+
+    def _stage(self, task: Task) -> AbstractContextManager[Stage]:
+        if self._simulator is None:
+            raise ValueError("this subtask needs a simulator that tells the truth")
+        return staged(self._simulator, task.scene, self._plan.size)
+
+    def _reached(self, stage: Stage, stops: Sequence[Stop]) -> Iterator[Stop]:
+        """Flies from stop to stop; those that something is in the way of are counted and left out."""
+        for stop in stops:
+            if stage.go(stop):
+                yield stop
+            else:
+                self._skipped += 1
+
+    def _rng(self, task: Task) -> np.random.Generator:
+        return np.random.default_rng((task.seed, zlib.crc32(b"subtasks")))

@@ -1,0 +1,58 @@
+"""A task's scene with the drone flown to any stop: pictures as a mission gets them, and the truth about them."""
+
+import contextlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Point3, Pose
+from contracts.scene import Scene
+from contracts.scene_layout import wall_height_m
+from contracts.sim import Move, Observation, TruthQuestion, TruthView
+from evaluation.sim_client import SimClient, SimulatorFault
+from evaluation.subtasks.stops import Stop, reached
+
+_ABOVE_M = 12.0
+
+
+class Stage:
+    """One open scene. Every call raises SimulatorFault."""
+
+    def __init__(self, simulator: SimClient, scene: Scene, size: int) -> None:
+        self._simulator = simulator
+        self._size = size
+        self._top_m = max(wall_height_m(building) for building in scene.buildings) + _ABOVE_M
+        opened = simulator.open(scene)
+        self.episode = opened.id
+        self._pose: Pose = opened.pose
+        self._moves = 0
+
+    def go(self, stop: Stop) -> bool:
+        """Over the roofs to the stop; false where something is in the way."""
+        self._moves += 1
+        corners = [(self._pose.x, self._pose.y, self._top_m), (stop.x, stop.y, self._top_m), (stop.x, stop.y, stop.z)]
+        path = tuple(Point3(x=x, y=y, z=z) for x, y, z in corners)
+        self._pose = self._simulator.move(self.episode, self._moves, Move(path=path, yaw=stop.yaw)).pose
+        return reached(stop, self._pose)
+
+    def look(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, *, depth: bool = False) -> Observation:
+        return self._simulator.observe(self.episode, headings, self._size, depth)
+
+    def truth(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG) -> tuple[TruthView, ...]:
+        """What the views really show."""
+        return self._simulator.truth(self.episode, TruthQuestion(views=headings, size=self._size)).views
+
+    def remaining_m(self, places: tuple[Point3, ...]) -> tuple[float | None, ...]:
+        """The shortest way from each place to the goal's window; null where there is none."""
+        question = TruthQuestion(views=(0,), size=64, candidates=places)
+        return self._simulator.truth(self.episode, question).remaining_m
+
+
+@contextmanager
+def staged(simulator: SimClient, scene: Scene, size: int) -> Iterator[Stage]:
+    """The scene, given back at the end. Raises SimulatorFault."""
+    stage = Stage(simulator, scene, size)
+    try:
+        yield stage
+    finally:
+        with contextlib.suppress(SimulatorFault):
+            simulator.close(stage.episode)

@@ -1,0 +1,23 @@
+"""The simulator's settings."""
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from service_kit.settings import ServiceSettings, Token
+
+
+class SimSettings(ServiceSettings):
+    """All optional."""
+
+    prefixes: ClassVar = ("SIM_",)
+
+    port: int = Field(8104, ge=1, le=65535, description="The TCP port to listen at.")
+    sim_token: Token | None = Field(None, description="Callers must send this bearer token; without it all may call.")
+    sim_renderer: Literal["auto", "moderngl", "tiny"] = Field(
+        "auto", description="What draws: OpenGL, PyBullet's TinyRenderer, or OpenGL where it can be had."
+    )
+    sim_max_episodes: int = Field(16, ge=1, le=500, description="Episodes that may be live at a time.")
+    sim_idle_s: float = Field(900.0, ge=1.0, le=86_400.0, description="Seconds until an unused episode is ended.")
+    sim_kept_scenes: int = Field(4, ge=0, le=100, description="Built scenes kept in memory that no episode uses.")
+    sim_truth: bool = Field(False, description="Whether the oracle may ask what is really there.")

@@ -1,0 +1,63 @@
+"""The doctor looks at this machine, and at how a model writes boxes."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from command_line.main import app
+from launcher.processes import free_ports
+from tests.services.vlm_gateway.openai_mock import OpenAiMock, says
+
+RUNNER = CliRunner()
+
+
+def test_the_doctor_looks_at_everything_and_says_what_to_do(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["doctor", "--json", "--out", str(tmp_path)])
+    told = json.loads(result.stdout)
+    assert {f["name"] for f in told["findings"]} == {
+        "Python", "Packages", "Renderer", "Redis", "Ports", "Disk", "Samples",
+    }  # fmt: skip
+    assert result.exit_code == (0 if told["ok"] else 1)
+    assert all(f["remedy"] for f in told["findings"] if not f["ok"])
+
+
+def test_the_doctor_notices_a_redis_that_is_set_and_does_not_answer(tmp_path: Path) -> None:
+    port = free_ports(["redis"])["redis"]
+    result = RUNNER.invoke(
+        app, ["doctor", "--json", "--out", str(tmp_path)], env={"REDIS_URL": f"redis://127.0.0.1:{port}/0"}
+    )
+    redis = next(f for f in json.loads(result.stdout)["findings"] if f["name"] == "Redis")
+    assert not redis["ok"]
+    assert result.exit_code == 1
+
+
+def calibrate(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """`logisticsvln doctor --calibrate`, whose output is another process's."""
+    command = [sys.executable, "-m", "command_line.main", "doctor", "--calibrate", *arguments]
+    return subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=120)
+
+
+def test_without_a_running_gateway_a_calibration_starts_one(tmp_path: Path) -> None:
+    mock = OpenAiMock().start()
+    config = tmp_path / "gateway.toml"
+    config.write_text(
+        f'[models.m]\nbackend = "chat"\npreset = "generic-vision"\nmodel = "x"\nbase_url = "{mock.url}"\n'
+    )
+    mock.will(says("I see no shapes."))
+    try:
+        ran = calibrate("m", "--out", str(tmp_path), "--rounds", "1", "--json", GATEWAY_CONFIG=str(config))
+    finally:
+        mock.stop()
+    told = json.loads(ran.stdout)
+    assert (ran.returncode, told["certainty"], told["shapes_shown"], told["shapes_told"]) == (1, "none", 6, 0)
+
+
+def test_a_calibration_before_a_gateway_that_is_not_there_says_so() -> None:
+    ran = calibrate("m", "--gateway", "http://127.0.0.1:9")
+    assert (ran.returncode, ran.stdout.count("showing m")) == (1, 1)
+    assert "can't reach" in ran.stderr
+    assert "Traceback" not in ran.stderr

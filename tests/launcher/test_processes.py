@@ -1,0 +1,43 @@
+"""Services as child processes: what does not start is told by name."""
+
+import asyncio
+import socket
+from pathlib import Path
+
+import pytest
+
+from launcher.processes import CannotStart, Processes, free_ports, is_free, parse_addresses
+from service_kit.settings import process_environment
+
+
+def test_a_service_that_ends_while_starting_is_reported_with_its_last_words(tmp_path: Path) -> None:
+    ports = free_ports(["depth_assist"])
+    environment = process_environment() | {"DEPTH_ASSIST_MAX_BODY_BYTES": "many"}
+    group = Processes(ports, tmp_path / "logs", environment=environment)
+
+    async def start() -> None:
+        async with group:
+            pass
+
+    with pytest.raises(CannotStart, match="DEPTH_ASSIST_MAX_BODY_BYTES"):
+        asyncio.run(start())
+    assert group.children[0].process.returncode != 0
+
+
+def test_a_taken_port_is_named_before_anything_is_started(tmp_path: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert not is_free(port)
+        group = Processes({"sim": port}, tmp_path / "logs", environment=process_environment())
+        with pytest.raises(CannotStart, match=str(port)):
+            group.start()
+    assert not group.children
+
+
+def test_addresses_are_read_by_name_and_the_rest_keep_their_usual_ports() -> None:
+    at = parse_addresses("sim=http://127.0.0.1:9000, vlm_gateway=https://models.example")
+    assert at.sim == "http://127.0.0.1:9000"
+    assert at.vlm_gateway == "https://models.example"
+    assert at.depth_assist == "http://127.0.0.1:8103"
