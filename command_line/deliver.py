@@ -117,7 +117,7 @@ async def _deliver(
             at = (await stack.enter_async_context(own)).addresses
         clients = await stack.enter_async_context(Services(at, tokens))
         run = Run(order, out, listener=view.show)
-        return run, await run.fly(clients.ports())
+        return run, await run.fly(clients.ports(), clients.trial())
 
 
 def read_scene(path: Path) -> Scene:

@@ -4,28 +4,24 @@ from typing import Annotated, Literal
 
 import typer
 
-from contracts.depth_assist import ViewpointSettings
-from contracts.orchestrator import MissionSettings, SightingSettings
+from contracts.orchestrator import MissionSettings, SearchSettings, SightingSettings
 from contracts.sim import Flight
+from mission.policies import DEFAULT, completed, policy_names
 
 SEED_HIGH = 2**31 - 1
 
-ViewpointPolicy = Literal["paper", "contour", "random", "default"]
 ChoicePolicy = Literal["model", "centre"]
 FloorMethod = Literal["stepwise", "direct-count"]
 SightingPolicy = Literal["look-again", "claim-at-first-sight"]
 
 Backend = Annotated[str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")]
 Viewpoint = Annotated[
-    ViewpointPolicy | None,
-    typer.Option(
-        help="How to search: the contour explorer, the paper's rule, or an ablation of that rule.",
-        show_default="contour; with --choice paper",
-    ),
+    str | None,
+    typer.Option(help=f"How to search: a search policy, one of {', '.join(policy_names())}.", show_default=DEFAULT),
 ]
 Choice = Annotated[
     ChoicePolicy | None,
-    typer.Option(help="Ablation of the paper's rule: who picks one of its points.", show_default="model"),
+    typer.Option(help="Ablation of the policies that have points to choose from: who picks one.", show_default="model"),
 ]
 Floors = Annotated[FloorMethod, typer.Option(help="Ablation.")]
 Sightings = Annotated[
@@ -42,7 +38,7 @@ ImageSize = Annotated[int, typer.Option(min=64, max=1600, help="Pictures are squ
 
 def mission_settings(
     *,
-    viewpoint: ViewpointPolicy | None,
+    viewpoint: str | None,
     choice: ChoicePolicy | None,
     floors: FloorMethod,
     sightings: SightingPolicy,
@@ -52,15 +48,12 @@ def mission_settings(
     image_size: int,
     seed: int,
 ) -> MissionSettings:
-    """Without a `viewpoint` the contour explorer, or where a `choice` is asked for the paper's rule, which alone has
-    points to choose from. Raises ValueError for a choice together with the explorer."""
-    if viewpoint == "contour" and choice is not None:
-        raise ValueError("--choice belongs to the paper's rule: add --viewpoint paper, or leave --choice out")
-    policy = viewpoint or ("contour" if choice is None else "paper")
-    return MissionSettings(
+    """The settings with the search policy named and complete. Raises ValueError for a policy that there is not, or one
+    that has no `choice`."""
+    constants = {"choice": choice} if choice is not None else {}
+    settings = MissionSettings(
         floors=floors,
-        choice=choice or "model",
-        viewpoint=ViewpointSettings(policy=policy),
+        viewpoint=SearchSettings(policy=viewpoint, **constants),
         sightings=SightingSettings(policy=sightings),
         flight=Flight(drift=drift),
         parser_model=parser,
@@ -68,3 +61,4 @@ def mission_settings(
         image_size=image_size,
         seed=seed,
     )
+    return completed(settings)

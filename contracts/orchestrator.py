@@ -117,7 +117,7 @@ class Stop(Wire):
 
 class DeliveryResult(Wire):
     """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
-    wall time by part. `search_policy` by its name; `inspected_share`: of the facade on that floor, where the policy tells."""
+    wall time by part. `inspected_share`: of the facade on that floor, where the search policy tells."""
 
     outcome: OutcomeName
     message: str

@@ -3,14 +3,14 @@
 import time
 from typing import assert_never
 
-from mission.stages.approaching import check_candidate, close_in, face_candidate
-from mission.stages.beginning import place_drone, read_request
-from mission.stages.claiming import claim_window
-from mission.stages.climbing import check_climb, climb
-from mission.stages.direct_count import back_off, count_whole, find_top, rise_with_distance
-from mission.stages.exploring import leave_blocked, look_round
-from mission.stages.floors import box_building, count_band, count_band_from_nearer, measure_stand_off
-from mission.state import (
+from mission.stage_actions.approaching import check_candidate, close_in, face_candidate
+from mission.stage_actions.beginning import place_drone, read_request
+from mission.stage_actions.claiming import claim_window
+from mission.stage_actions.climbing import check_climb, climb
+from mission.stage_actions.direct_count import back_off, count_whole, find_top, rise_with_distance
+from mission.stage_actions.exploring import leave_blocked, look_round
+from mission.stage_actions.floors import box_building, count_band, count_band_from_nearer, measure_stand_off
+from mission.stages import (
     BackOff,
     BoxBuilding,
     CheckCandidate,
@@ -27,13 +27,13 @@ from mission.state import (
     LeaveBlocked,
     LookRound,
     MeasureStandOff,
-    MissionState,
     PlaceDrone,
     ReadRequest,
     RiseWithDistance,
     SqueezeIn,
     Stage,
 )
+from mission.state import MissionState
 from mission.step import MissionContext, MissionEnd, Step
 
 
@@ -61,7 +61,7 @@ async def run(step: Step) -> MissionState:
     return step.state
 
 
-async def _act(step: Step, stage: Stage) -> Stage:  # noqa: PLR0911, PLR0912 - one line a stage
+async def _act(step: Step, stage: Stage) -> Stage:
     match stage:
         case ReadRequest():
             return await read_request(step)

@@ -69,7 +69,8 @@ class EpisodeVehicle:
         seen = await self._world.observe(self.name, headings=headings, size=wanted[0].width)
         by_heading = {c.heading_deg: c for c in wanted}
         views = tuple(
-            SensedView(camera=by_heading[v.heading_deg], image=v.image, depth=v.depth) for v in seen.views
+            SensedView(camera=by_heading[v.heading_deg].scaled_to(seen.camera.width), image=v.image, depth=v.depth)
+            for v in seen.views
         )
         return Observation(
             vehicle=self.name, number=seen.number, pose=seen.pose, views=views, timings_s={"render": seen.render_s}

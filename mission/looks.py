@@ -119,9 +119,21 @@ def look_of(observation: Observation, wanted: Sequence[str]) -> Look:
     try:
         for sight in sights.values():
             _ = sight.jpeg
+            _check_size(sight)
     except BadImage as error:
         raise ServiceRefused(f"the vehicle sent a bad picture: {error}", code="garbled", status=502) from None
     return Look(observation, sights)
+
+
+def _check_size(sight: Sight) -> None:
+    camera, depth = sight.view.camera, sight.view.depth
+    if depth is not None and (depth.width, depth.height) != (camera.width, camera.height):
+        raise ServiceRefused(
+            f"the vehicle's camera {camera.name} has {camera.width} x {camera.height} pixels, its depth "
+            f"{depth.width} x {depth.height}",
+            code="garbled",
+            status=502,
+        )
 
 
 def navigation_camera(camera: WireCamera) -> Camera:

@@ -15,7 +15,8 @@ from mission.placement import Placement
 from mission.policies import completed, policy_of
 from mission.ports import ModelUnreachable, PortError, Ports, ServiceUnreachable
 from mission.record import Log
-from mission.state import Ended, MissionState, begin
+from mission.stages import Ended
+from mission.state import MissionState, begin
 from mission.step import MissionContext, Step
 
 log = logging.getLogger("mission")

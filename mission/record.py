@@ -35,9 +35,7 @@ Pictures = Callable[[], Mapping[str, bytes]]
 class Log(Protocol):
     """Where a mission writes what happens."""
 
-    def write(
-        self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None
-    ) -> None:
+    def write(self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """Event `number` (1, 2, ...), with its pictures. A number that is there already is the same event: nothing is
         written again."""
         ...
@@ -84,9 +82,7 @@ class Record:
         self._number = 0
         self._events = (folder / "events.jsonl").open(mode, encoding="utf-8")
 
-    def write(
-        self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None
-    ) -> None:
+    def write(self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """Raises ValueError for a number that leaves a gap."""
         if number <= self._number:
             return

@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from contracts.geometry import Box, Point3
 from contracts.geometry import Pose as WirePose
 from contracts.vlm_gateway import Match
-from mission.sortie import Look, Sight, distance_m
+from mission.looks import Look, Sight
+from mission.places import distance_m
+from mission.stages import Extent
+from mission.state import Dismissed
 from navigation.camera import Pose, pixel_place, pixels_of
 
 MAX_SIGHTING_M = 25.0

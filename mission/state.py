@@ -1,40 +1,20 @@
 """The state of a mission: one frozen value that holds all that the mission knows between two stops.
 
 Written as JSON after a stop, it lets another process carry the mission on (`Mission.go_on`). `stage` says what happens
-next; docs/mission.md draws the stages and what leads from one to the other.
+next.
 """
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Literal
 from uuid import uuid4
 
-from pydantic import Field, JsonValue
+from pydantic import JsonValue
 
-from contracts.base import Metres, Name, Unit, Wire
+from contracts.base import Name, Unit, Wire
 from contracts.geometry import Box, Point3, Pose
-from contracts.orchestrator import ModelCalls, OutcomeName, Phase, Stop
+from contracts.orchestrator import ModelCalls, Phase, Stop
 from contracts.sim import Verdict
 from contracts.vehicle import Move, VehicleState
-from navigation.floor_localization import Band, WindowRows
-
-STATE_VERSION = 1
-
-
-class Extent(NamedTuple):
-    """How wide and high a thing is that fills a box, in metres."""
-
-    width_m: float
-    height_m: float
-
-
-class Seen(Wire):
-    """The thing as one look saw it: where, from where, how surely, how large (null where depth does not tell);
-    `claimable`: surely enough to be claimed."""
-
-    place: Point3
-    seen_from: Pose
-    confidence: Unit
-    extent: Extent | None
-    claimable: bool
+from mission.stages import Ended, ReadRequest, Stage
 
 
 class Dismissed(Wire):
@@ -52,21 +32,6 @@ class LostSighting(Wire):
     blocked: bool
 
 
-class Approach(Wire):
-    """An approach under way. `first`: the sighting that began it; `last`: the latest; `ever_claimable`: one of them
-    was sure enough; `surest`: the highest confidence but the latest's. Of leg number `legs`, the one flown last:
-    `reaches_stop`, it ends where the drone is to stop; `goes_aside`, it leads to where the thing shows another side."""
-
-    first: Seen
-    last: Seen
-    ever_claimable: bool
-    surest: Unit = 0.0
-    legs: int = 0
-    asides: int = 0
-    reaches_stop: bool = False
-    goes_aside: bool = False
-
-
 class PlannedFlight(Wire):
     """The next flight: the next step begins with it. Its number follows from the vehicle's state, so that the same
     state flies the same move; `why` is for people."""
@@ -75,205 +40,17 @@ class PlannedFlight(Wire):
     why: str
 
 
-class ReadRequest(Wire):
-    """Ask the parser for floor and object."""
-
-    at: Literal["read_request"] = "read_request"
-
-
-class PlaceDrone(Wire):
-    """Get the vehicle, take off where it stands on the ground."""
-
-    at: Literal["place_drone"] = "place_drone"
-
-
-class MeasureStandOff(Wire):
-    """How far is the facade ahead?"""
-
-    at: Literal["measure_stand_off"] = "measure_stand_off"
-
-
-class BandCount(Wire):
-    """What counting one band of the facade needs: its place, the floors counted below it, the window rows of the band
-    below, and how often in a row the model said nothing."""
-
-    stand_off_m: Metres
-    band: Band
-    floors_below: float = 0.0
-    rows_below: WindowRows | None = None
-    silent: int = 0
-
-
-class CountBand(BandCount):
-    """Count the floors of a band."""
-
-    at: Literal["count_band"] = "count_band"
-
-
-class CountBandFromNearer(BandCount):
-    """Count the floors of a band whose facade steps back, from the stand-off that the band was made for."""
-
-    at: Literal["count_band_from_nearer"] = "count_band_from_nearer"
-
-
-class WholeBuilding(Wire):
-    """The direct count: `home` is where the drone left the facade, `retreats` how often it has backed off since."""
-
-    stand_off_m: Metres
-    home: Pose
-    retreats: int = 0
-
-
-class BackOff(WholeBuilding):
-    """Turned away from the building: how far is the way free?"""
-
-    at: Literal["back_off"] = "back_off"
-
-
-class RiseWithDistance(WholeBuilding):
-    """Farther off: climb as high as the drone is away, so that the picture reaches the ground."""
-
-    at: Literal["rise_with_distance"] = "rise_with_distance"
-
-
-class FindTop(WholeBuilding):
-    """Is the top of the facade in sight?"""
-
-    at: Literal["find_top"] = "find_top"
-
-
-class CountWhole(WholeBuilding):
-    """Count all floors in one picture. `top_m`: how high the building is, above ground."""
-
-    at: Literal["count_whole"] = "count_whole"
-    top_m: Metres
-    top_seen: bool
-    silent: int = 0
-
-
-class BoxBuilding(Wire):
-    """At the final height: which part of the picture is the building?"""
-
-    at: Literal["box_building"] = "box_building"
-
-
-AfterClimb = Annotated[CountBand | FindTop | BoxBuilding, Field(discriminator="at")]
-Attempt = Literal["from_here", "from_farther_off"]
-
-
-class ClimbTo(Wire):
-    """Straight up or down to `to_m` above ground, then `then`."""
-
-    to_m: float
-    why: str
-    then: AfterClimb
-    attempt: Attempt = "from_here"
-
-
-class Climb(ClimbTo):
-    """Climb or sink."""
-
-    at: Literal["climb"] = "climb"
-
-
-class CheckClimb(ClimbTo):
-    """Was the way up or down free?"""
-
-    at: Literal["check_climb"] = "check_climb"
-
-
-class LookRound(Wire):
-    """One exploration step: is the object in sight? If not, where to next?"""
-
-    at: Literal["look_round"] = "look_round"
-
-
-class LeaveBlocked(Wire):
-    """Back where a thing was seen that no way led to: go on with the search, to try it from elsewhere."""
-
-    at: Literal["leave_blocked"] = "leave_blocked"
-
-
-class ApproachStage(Wire):
-    """A stage of the approach; each of them begins with a look after the flight."""
-
-    approach: Approach
-
-
-class FaceCandidate(ApproachStage):
-    """A candidate so near that no leg is worth it: look at it face to face."""
-
-    at: Literal["face_candidate"] = "face_candidate"
-
-
-class CheckCandidate(ApproachStage):
-    """A candidate, not confirmed yet: is it seen again, and surely enough?"""
-
-    at: Literal["check_candidate"] = "check_candidate"
-
-
-class CloseIn(ApproachStage):
-    """Confirmed: looks on the way tell where it is, no more whether."""
-
-    at: Literal["close_in"] = "close_in"
-
-
-class SqueezeIn(ApproachStage):
-    """Confirmed, and the usual clearance ends too far off: the last metre with less of it."""
-
-    at: Literal["squeeze_in"] = "squeeze_in"
-
-
-class ClaimWindow(Wire):
-    """In front of the window: say so."""
-
-    at: Literal["claim_window"] = "claim_window"
-    place: Point3
-
-
-class Ended(Wire):
-    """The mission is over: its outcome, and why, for a person."""
-
-    at: Literal["ended"] = "ended"
-    outcome: OutcomeName
-    message: str
-
-
-Stage = Annotated[
-    ReadRequest
-    | PlaceDrone
-    | MeasureStandOff
-    | Climb
-    | CheckClimb
-    | CountBand
-    | CountBandFromNearer
-    | BackOff
-    | RiseWithDistance
-    | FindTop
-    | CountWhole
-    | BoxBuilding
-    | LookRound
-    | LeaveBlocked
-    | FaceCandidate
-    | CheckCandidate
-    | CloseIn
-    | SqueezeIn
-    | ClaimWindow
-    | Ended,
-    Field(discriminator="at"),
-]
-
-
 class MissionState(Wire):
     """All that a mission knows between two stops. `key` names the delivery: a trial is begun with it, once.
 
-    `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last flight; `flight` is flown before `stage` goes on,
-    and `arrived` says whether the last one came to its end. `trail`: the corners flown since the search or the facade
-    was left, to go back along. `memory` is the search policy's own; `silent_looks` counts useless answers in a row.
-    `counted_at`: the number of moves when a stop was counted last: several questions at one place are one stop.
-    `events`: the number of the last event; `seconds`: wall time by part."""
+    `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
+    flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
+    flown since the search or the facade was left, to go back along. `memory` is the search policy's own;
+    `silent_looks` counts useless answers in a row, `approaches` those begun and given up. `counted_at`: the number of
+    moves when a stop was counted last, for several questions at one place are one stop. `events`: the number of the
+    last event; `seconds`: wall time by part."""
 
-    version: Literal[1] = STATE_VERSION
+    version: Literal[1] = 1
     key: Name
     request: str
     stage: Stage = ReadRequest()

@@ -19,7 +19,7 @@ from mission.looks import Look, Sight, look_of
 from mission.model_calls import Reply, ask
 from mission.placement import Placement
 from mission.places import point_of, spoken
-from mission.policies.base import SearchPolicy
+from mission.policies.base import AnyPolicy
 from mission.ports import Ports
 from mission.record import Log, Pictures
 from mission.state import MissionState, PlannedFlight
@@ -69,7 +69,7 @@ class MissionContext:
     ports: Ports
     placement: Placement
     settings: MissionSettings
-    policy: SearchPolicy
+    policy: AnyPolicy
     log: Log
     drone: Drone | None = None
 

@@ -39,7 +39,7 @@ class Settings(NamedTuple):
 
     drone_radius_m: float = 0.35
     clearance_m: float = 0.6
-    stop_distance_m: float = 2.0
+    stop_distance_m: float = 1.5
     height_slack_m: float = 0.75
     max_protrusion_m: float = 3.0
     unseen_m: float = 1.5

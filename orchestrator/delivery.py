@@ -5,13 +5,16 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+from contracts.cameras import DEFAULT_RIG, shipped_rig
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
-from contracts.sim import EpisodeQuestion
 from mission.mission import Mission
+from mission.placement import InTrial
+from mission.policies import BadSearch, completed
 from mission.ports import Ports
 from mission.record import Record, new_id, now
+from mission.vehicle import Trial
 from orchestrator import sample_library
 from orchestrator.summary import draw_summary
 
@@ -40,12 +43,20 @@ class Order:
             raise BadDelivery("say in `request` what is to be brought where")
         self.request: str = request
         self.scene: Scene = scene
-        self.settings: MissionSettings = question.settings
-        if question.backend is not None and question.settings.vision_model is None:
-            self.settings = question.settings.model_copy(update={"vision_model": question.backend})
+        try:
+            self.settings: MissionSettings = completed(question.settings)
+        except BadSearch as error:
+            raise BadDelivery(str(error)) from None
+        if question.backend is not None and self.settings.vision_model is None:
+            self.settings = self.settings.model_copy(update={"vision_model": question.backend})
         self.question = question.model_copy(
             update={"request": request, "scene": scene, "settings": self.settings},
         )
+
+    def placed(self, trial: Trial) -> InTrial:
+        """The scene as a trial of that simulator."""
+        rig = shipped_rig(DEFAULT_RIG).scaled_to(self.settings.image_size)
+        return InTrial(trial, self.scene, self.settings.flight, rig)
 
 
 class Run:
@@ -70,12 +81,12 @@ class Run:
     def id(self) -> str:
         return self.record.delivery.id
 
-    async def fly(self, ports: Ports) -> DeliveryResult:
+    async def fly(self, ports: Ports, trial: Trial) -> DeliveryResult:
         """Flies, and completes the record. Cancelling the task ends the flight, not the record."""
         order = self._order
         try:
-            mission = Mission(ports, order.settings, self.record)
-            result = await mission.fly(order.request, EpisodeQuestion(scene=order.scene, flight=order.settings.flight))
+            mission = Mission(ports, order.placed(trial), order.settings, self.record, keep=self.record.keep)
+            result = await mission.fly(order.request, key=self.id)
             self.record.conclude(result)
             await self._draw()
             self.record.announce(result)

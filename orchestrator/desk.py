@@ -9,6 +9,7 @@ from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
 from mission.ports import Ports
 from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
+from mission.vehicle import Trial
 from orchestrator.delivery import BadDelivery, Order, Run
 from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
 
@@ -52,8 +53,9 @@ class Live:
 class Desk:
     """Takes, lists and cancels deliveries; `runs` is the folder of the records."""
 
-    def __init__(self, ports: Ports, runs: Path, *, max_live: int = 2, max_listed: int = 200) -> None:
+    def __init__(self, ports: Ports, trial: Trial, runs: Path, *, max_live: int = 2, max_listed: int = 200) -> None:
         self._ports = ports
+        self._trial = trial
         self._runs = runs
         self._max_live = max_live
         self._max_listed = max_listed
@@ -86,7 +88,7 @@ class Desk:
 
     async def _fly(self, live: Live) -> None:
         try:
-            live.result = await live.run.fly(self._ports)
+            live.result = await live.run.fly(self._ports, self._trial)
         except Exception:
             log.exception("delivery %s broke off", live.run.id)
             live.result = cut_off(len(live.events))

@@ -27,8 +27,6 @@ OURS = tuple(ALLOWED)
 MAX_LINES = 300
 LONG = {
     "evaluation/bench/worker.py",
-    "mission/phases/explore.py",
-    "mission/phases/floors.py",
     "navigation/camera.py",
     "services/llm_parser/rules/lexicon.py",
     "services/llm_parser/rules/mentions.py",

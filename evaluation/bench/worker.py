@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple, Protocol
 from pydantic import Field
 
 from contracts.base import Name, Wire
+from contracts.cameras import DEFAULT_RIG, shipped_rig
 from contracts.event_data import EventData
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
@@ -26,10 +27,13 @@ from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
 from evaluation.task_set.task import Task
 from launcher.processes import CannotStart, Child, Processes, free_ports
-from mission.clients import Services
+from mission.clients import HttpWorld, Services
+from mission.episodes import EpisodeTrial
 from mission.mission import Mission
+from mission.placement import InTrial
 from mission.ports import PortError, Ports, World
 from mission.record import Log, Pictures, Record, now
+from mission.vehicle import Trial
 from service_kit.addresses import FLIGHT_SERVICES
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
@@ -69,7 +73,7 @@ class Order(Wire):
 class Unwritten:
     """A log for runs that keep nothing but results."""
 
-    def write(self, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
+    def write(self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """Forgets it."""
 
 
@@ -196,11 +200,10 @@ class Worker:
             assert self._services is not None
             ports = self._services.ports()
             upcoming = self._question(order.upcoming) if order.upcoming is not None else None
-            world = ClockedWorld(ports.world, self._ahead, upcoming)
+            world = ClockedWorld(HttpWorld(self._services.sim), self._ahead, upcoming)
             self._ahead = None
-            own = Ports(parser=ports.parser, vision=ports.vision, depth=ports.depth, world=world)
             try:
-                result = await self._flown(task, own, folder, gone)
+                result = await self._flown(task, ports, EpisodeTrial(world), folder, gone)
             finally:
                 render_s = world.render_s
                 self._ahead = world.ahead
@@ -235,13 +238,17 @@ class Worker:
             folder=f"episodes/{task.id}" if folder is not None else None,
         )
 
-    async def _flown(self, task: Task, ports: Ports, folder: Path | None, gone: asyncio.Event) -> DeliveryResult | None:
+    async def _flown(
+        self, task: Task, ports: Ports, trial: Trial, folder: Path | None, gone: asyncio.Event
+    ) -> DeliveryResult | None:
         """Null where it took too long, or `gone` was set."""
         settings = self._settings(task)
         record = self._record(task, settings, folder) if folder is not None else None
         log: Log = record or Unwritten()
         try:
-            flight = asyncio.create_task(Mission(ports, settings, log).fly(task.request, self._question(task)))
+            rig = shipped_rig(DEFAULT_RIG).scaled_to(settings.image_size)
+            placement = InTrial(trial, task.scene, settings.flight, rig)
+            flight = asyncio.create_task(Mission(ports, placement, settings, log).fly(task.request))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
                 {flight, leaving}, timeout=self._job.episode_s, return_when=asyncio.FIRST_COMPLETED

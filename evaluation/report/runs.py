@@ -13,13 +13,7 @@ from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.summary import Summary, summarize
 from evaluation.subtasks.figures import Subtask, SubtaskScores
 from evaluation.task_set.task import Task
-
-SEARCHES = {
-    "contour": "contour explorer",
-    "paper": "paper's rule",
-    "random": "random view",
-    "default": "right-hand view",
-}
+from mission.policies import words_of
 
 
 class Run(NamedTuple):
@@ -77,9 +71,7 @@ def label_of(settings: RunSettings) -> str:
     """The back end, the way it searches, and whatever else is not as usual."""
     mission = settings.mission
     usual = MissionSettings()
-    words = [answering(settings), SEARCHES[mission.viewpoint.policy]]
-    if mission.choice != usual.choice:
-        words.append("centre, no choice")
+    words = [answering(settings), *words_of(mission.viewpoint)]
     if mission.floors != usual.floors:
         words.append("direct count")
     if mission.sightings.policy != usual.sightings.policy:

@@ -7,6 +7,8 @@ from evaluation.metrics.summary import Comparison, Rate, compare
 from evaluation.report import paper
 from evaluation.report.markup import Html, interval, join, number, p_value, percent, tag, text
 from evaluation.report.runs import Run
+from mission.policies import policies
+from mission.policies.points import POINTS_POLICIES, PaperPolicy
 from mission.wording import counted
 
 SCORE_HEADS = ("SR (%) ↑", "SPL (%) ↑", "Average Steps ↓")
@@ -49,17 +51,7 @@ def five_tables(runs: Sequence[Run]) -> Html:
                 _scored("VS strategy", paper.VIEWPOINT),
                 _our_scores(
                     "VS strategy",
-                    _ablation(
-                        runs,
-                        (
-                            ("Paper's rule", "paper"),
-                            ("Random", "random"),
-                            ("Default", "default"),
-                            ("Contour", "contour"),
-                        ),
-                        lambda run: run.arm.viewpoint.policy,
-                        "viewpoint",
-                    ),
+                    _ablation(runs, _searches(runs), lambda run: run.arm.viewpoint.policy or "", "viewpoint"),
                 ),
             ),
             _pair(
@@ -68,7 +60,7 @@ def five_tables(runs: Sequence[Run]) -> Html:
                 _scored("Choice VLM", paper.CHOICE),
                 _our_scores(
                     "Choice VLM",
-                    _ablation(runs, (("✓", "model"), ("✗", "centre")), lambda run: run.arm.choice, "choice"),
+                    _ablation(runs, (Arm("✓", "model"), Arm("✗", "centre")), _choice, "choice"),
                 ),
             ),
         )
@@ -81,6 +73,28 @@ def against(first: Run, second: Run) -> Comparison:
     same = {name: task for name, task in first.tasks.items() if second.tasks.get(name) == task}
     arms = [[record for record in run.records if record.task in same] for run in (first, second)]
     return compare(same, arms[0], arms[1])
+
+
+class Arm(NamedTuple):
+    """A row of an ablation: its name, the setting's value, and whether the paper has it too."""
+
+    name: str
+    value: str
+    of_paper: bool = True
+
+
+def _searches(runs: Sequence[Run]) -> list[Arm]:
+    """The paper's three ways to pick a view, and every other search policy that was flown."""
+    known = {policy.name: policy.label for policy in policies().values()}
+    flown = dict.fromkeys(run.arm.viewpoint.policy or "" for run in runs)
+    others = [name for name in flown if name not in POINTS_POLICIES]
+    papers = [Arm(known[name].capitalize(), name) for name in POINTS_POLICIES]
+    return papers + [Arm(known.get(name, name).capitalize(), name, of_paper=False) for name in others]
+
+
+def _choice(run: Run) -> str:
+    """Who chose among the points; a policy without points has nothing to choose."""
+    return str(run.arm.viewpoint.constants.get("choice", "model"))
 
 
 def _plain(runs: Sequence[Run]) -> list[Run]:
@@ -100,29 +114,27 @@ def _changed(run: Run) -> set[str]:
     """The ablations that a run flies, by the command line's names."""
     arm = run.arm
     usual = {
-        "viewpoint": arm.viewpoint.policy == "paper",
-        "choice": arm.choice == "model",
+        "viewpoint": arm.viewpoint.policy == PaperPolicy.name,
+        "choice": _choice(run) == "model",
         "floors": arm.floors == "stepwise",
     }
     return {option for option, as_usual in usual.items() if not as_usual}
 
 
-def _ablation(
-    runs: Sequence[Run], arms: Sequence[tuple[str, str]], setting: Callable[[Run], str], option: str
-) -> list[Row]:
+def _ablation(runs: Sequence[Run], arms: Sequence[Arm], setting: Callable[[Run], str], option: str) -> list[Row]:
     """For each model one row an arm, tested against the paper's method on the tasks that both flew."""
     rows = []
     models = list(dict.fromkeys(run.model for run in runs))
     for model in models:
         own = [run for run in runs if run.model == model]
         baseline = next(iter(_plain(own)), None)
-        for name, value in arms:
+        for name, value, of_paper in arms:
             # only this one setting may differ from the paper's method
             fitting = [run for run in own if setting(run) == value and _others_plain(run, option)]
             shown = f"{name} · {model}" if len(models) > 1 else name
             hint = f"logisticsvln bench --backend {own[0].settings.backend} --{option} {value}"
-            # the contour explorer is no arm of the paper's: it shows where it was flown
-            if not fitting and value != "contour":
+            # what is no arm of the paper's shows where it was flown
+            if not fitting and of_paper:
                 rows.append(Row(shown, None, None, hint))
             rows += [Row(shown, run, baseline if run is not baseline else None, hint) for run in fitting]
     return rows

@@ -12,10 +12,9 @@ from contracts.depth_assist import (
     DirectionPoint,
     SafeDistancesQuestion,
     ViewDepth,
-    ViewpointQuestion,
 )
 from contracts.geometry import Heading, PointLabel
-from contracts.images import encode_jpeg
+from contracts.images import decode_jpeg, encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.orchestrator import MissionSettings, ModelCalls
 from contracts.sim import Observation
@@ -34,11 +33,12 @@ from evaluation.subtasks.figures import Figures, Subtask, SubtaskScores
 from evaluation.subtasks.stage import Stage, staged
 from evaluation.subtasks.stops import Stop, before_goal, before_start, on_lap
 from evaluation.task_set.task import Task
-from mission.asking import Answered, CallBook
-from mission.marks import mark_points
-from mission.phases.explore import marks_of, search_task
+from mission.annotation import mark_points
+from mission.model_calls import Answered, CallBook
+from mission.places import ahead
+from mission.policies import policy_of
+from mission.policies.points import PointsMemory, marks_of, points_policy, search_task
 from mission.ports import ModelUnreachable, Ports
-from mission.sortie import Sight, ahead
 
 A = TypeVar("A", bound=Answer | ParseAnswer)
 ROLES: dict[Subtask, Role] = {
@@ -182,32 +182,35 @@ class Examiner:
 
     async def _choice(self, task: Task, stage: Stage) -> choice.Choice | None:
         """Viewpoint and points as a mission finds them; null where there is nothing to choose between."""
-        settings = self._plan.settings
         seen = stage.look(depth=True)
         depths = {
             view.heading_deg: ViewDepth(heading_deg=view.heading_deg, depth=view.depth)
             for view in seen.views
             if view.depth is not None
         }
-        rule = settings.viewpoint
-        if rule.policy == "contour":  # the explorer offers no points; the model chooses among the paper's rule's
-            rule = rule.model_copy(update={"policy": "paper"})
-        asked = ViewpointQuestion(views=tuple(depths.values()), settings=rule)
+        policy = points_policy(policy_of(self._plan.settings.viewpoint))
+        asked = policy.viewpoint_question(list(depths.values()), None, PointsMemory(), 0)
         heading = (await self._ports.depth.viewpoint(asked)).heading_deg
         beside = tuple(depth for h, depth in depths.items() if 0 < abs(h - heading) <= 45)
         safe = await self._ports.depth.safe_distances(
-            SafeDistancesQuestion(view=depths[heading], others=beside, settings=settings.safe_distances)
+            SafeDistancesQuestion(view=depths[heading], others=beside, settings=policy.settings.safe_distances)
         )
-        offered = [point for point in safe.points if point.distance_m >= settings.min_move_m]
+        offered = policy.offered(safe)
         ways = stage.remaining_m(tuple(ahead(seen.pose, p.bearing_deg, p.distance_m) for p in offered))
         if len(offered) < 2 or all(way is None for way in ways):
             return None
-        label = await self._label(task, stage, seen, heading, offered)
+        label = await self._label(task, stage, seen, heading, offered, policy.settings.direction)
         remaining = {point.label: way for point, way in zip(offered, ways, strict=True)}
         return choice.Choice(remaining, label)
 
     async def _label(
-        self, task: Task, stage: Stage, seen: Observation, heading: Heading, offered: list[DirectionPoint]
+        self,
+        task: Task,
+        stage: Stage,
+        seen: Observation,
+        heading: Heading,
+        offered: list[DirectionPoint],
+        direction: str,
     ) -> PointLabel | None:
         view = next(view for view in seen.views if view.heading_deg == heading)
         points = marks_of(offered)
@@ -215,9 +218,9 @@ class Examiner:
             model=self._plan.backend,
             oracle_episode=stage.episode,
             heading_deg=heading,
-            image=encode_jpeg(mark_points(Sight(seen.pose, view).rgb, points)),
+            image=encode_jpeg(mark_points(decode_jpeg(view.image), points)),
             points=points,
-            task=search_task(task.object, task.floor, self._plan.settings.viewpoint.direction),
+            task=search_task(task.object, task.floor, direction),
         )
         answer = await self._ask("choice", self._ports.vision.choose_direction(question))
         return answer.label if answer else None

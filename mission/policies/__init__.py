@@ -7,13 +7,13 @@ from importlib.metadata import entry_points
 from pydantic import ValidationError
 
 from contracts.orchestrator import MissionSettings, SearchSettings
-from mission.policies.base import AnyPolicy
+from mission.policies.base import AnyPolicy, SearchPolicy
 from mission.policies.contour import ContourPolicy
 from mission.policies.points import DefaultPolicy, PaperPolicy, RandomPolicy
 
 GROUP = "logisticsvln.search_policies"
 DEFAULT = ContourPolicy.name
-OWN: tuple[type[AnyPolicy], ...] = (ContourPolicy, PaperPolicy, RandomPolicy, DefaultPolicy)
+OWN: tuple[type[AnyPolicy], ...] = (PaperPolicy, RandomPolicy, DefaultPolicy, ContourPolicy)
 
 
 class BadSearch(ValueError):
@@ -30,7 +30,7 @@ def policies() -> Mapping[str, type[AnyPolicy]]:
             policy = entry.load()
         except Exception as error:
             raise BadSearch(f"the search policy {entry.name} ({entry.value}) can't be loaded: {error}") from error
-        if not isinstance(policy, type) or not issubclass(policy, AnyPolicy.__origin__):
+        if not isinstance(policy, type) or not issubclass(policy, SearchPolicy):
             raise BadSearch(f"the entry point {entry.name} ({entry.value}) is no SearchPolicy")
         if policy.name != entry.name:
             raise BadSearch(f"the entry point {entry.name} leads to a search policy that calls itself {policy.name}")
@@ -38,11 +38,25 @@ def policies() -> Mapping[str, type[AnyPolicy]]:
     return found
 
 
+def policy_names() -> tuple[str, ...]:
+    """Names of all policies; none of the packages is loaded for it."""
+    return tuple(dict.fromkeys([*(p.name for p in OWN), *sorted(e.name for e in entry_points(group=GROUP))]))
+
+
+def words_of(search: SearchSettings) -> list[str]:
+    """A recorded search for people: its policy's label and what is not as usual; the bare name where the policy is not
+    installed here."""
+    try:
+        return policy_of(search).words()
+    except BadSearch:
+        return [search.policy or DEFAULT]
+
+
 def policy_type(name: str | None) -> type[AnyPolicy]:
     """The policy of that name; the default one without. Raises BadSearch."""
     known = policies()
     if (name or DEFAULT) not in known:
-        raise BadSearch(f"there is no search policy {name}; there are {', '.join(known)}")
+        raise BadSearch(f"viewpoint: there is no search policy {name}; there are {', '.join(known)}")
     return known[name or DEFAULT]
 
 
@@ -69,8 +83,9 @@ def _said(kind: type[AnyPolicy], search: SearchSettings, error: ValidationError)
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] != "extra_forbidden":
         return f"viewpoint.{where}: {first['msg']}"
-    said = f"the search policy {kind.name} has no setting {where}"
+    said = f"viewpoint: the search policy {kind.name} has no setting {where}"
     others = [p.name for p in policies().values() if where in p.settings_type.model_fields]
-    if others and search.policy is None:
-        return f"{said}; {', '.join(others)} {'have' if len(others) > 1 else 'has'} it: name the policy as well"
+    if others:
+        hint = ": name the policy as well" if search.policy is None else ""
+        return f"{said}; {', '.join(others)} {'have' if len(others) > 1 else 'has'} it{hint}"
     return f"{said}; it has {', '.join(kind.settings_type.model_fields)}"

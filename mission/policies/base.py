@@ -137,6 +137,13 @@ class SearchPolicy(ABC, Generic[S, M]):
     def __init__(self, settings: S) -> None:
         self.settings = settings
 
+    def words(self) -> list[str]:
+        """The label, and every setting that is not the usual one, for people who compare runs."""
+        usual = self.settings_type()
+        own = {name: getattr(self.settings, name) for name in self.settings_type.model_fields}
+        changed = [f"{name} {value}" for name, value in own.items() if value != getattr(usual, name)]
+        return [self.label, *changed]
+
     @abstractmethod
     async def plan(self, look: Look, memory: M, tools: SearchTools) -> Plan:
         """Works the way on out while the recognition model still looks, so it must change nothing. Raises PortError."""

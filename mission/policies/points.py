@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import ClassVar, Generic, Literal, NamedTuple, TypeVar
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
 from contracts.base import Metres, Wire
 from contracts.depth_assist import (
@@ -27,7 +27,7 @@ from mission.annotation import mark_points
 from mission.looks import Look
 from mission.model_calls import Answered, Reply
 from mission.places import ahead, towards
-from mission.policies.base import NextStop, Onward, Plan, SearchMemory, SearchPolicy, SearchTools, Told
+from mission.policies.base import AnyPolicy, NextStop, Onward, Plan, SearchMemory, SearchPolicy, SearchTools, Told
 from mission.wording import with_article
 
 CENTRE = "c"
@@ -87,6 +87,11 @@ class PointsPolicy(SearchPolicy[S, PointsMemory], Generic[S]):
         return ViewpointQuestion(
             views=tuple(views), building_box=box, settings=self.view_rule(), d_max_m=memory.d_max_m, seed=seed
         )
+
+    def words(self) -> list[str]:
+        """An arm without a choice model is an ablation of its own."""
+        changed = super().words()
+        return ["centre, no choice" if word.startswith("choice") else word for word in changed]
 
     def offered(self, safe: SafeDistancesAnswer) -> list[DirectionPoint]:
         """The points far enough off."""
@@ -171,7 +176,7 @@ class PointsPlan(Plan):
 
 class PaperPolicy(PointsPolicy[PaperSettings]):
     name: ClassVar[str] = "paper"
-    label: ClassVar[str] = "paper's viewpoint rule"
+    label: ClassVar[str] = "paper's rule"
     settings_type = PaperSettings
 
     def view_rule(self) -> ViewpointSettings:
@@ -194,11 +199,20 @@ class DefaultPolicy(PointsPolicy[PointsSettings]):
     """The ablation that always follows the view along the building."""
 
     name: ClassVar[str] = "default"
-    label: ClassVar[str] = "side view always"
+    label: ClassVar[str] = "right-hand view"
     settings_type = PointsSettings
 
     def view_rule(self) -> ViewpointSettings:
         return ViewpointSettings(policy="default", direction=self.settings.direction)
+
+
+POINTS_POLICIES = (PaperPolicy.name, RandomPolicy.name, DefaultPolicy.name)
+"""The paper's rule and its two ablations."""
+
+
+def points_policy(policy: AnyPolicy) -> PointsPolicy[Any]:
+    """The policy if it offers points; else the paper's, for whoever asks about points without a search."""
+    return policy if isinstance(policy, PointsPolicy) else PaperPolicy(PaperSettings())
 
 
 def _centre(offered: list[DirectionPoint], min_move_m: float) -> Chosen:

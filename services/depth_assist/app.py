@@ -63,10 +63,8 @@ def build_app(*, max_body_bytes: int, token: str | None = None) -> FastAPI:
 
 
 def choose_viewpoint(question: ViewpointQuestion) -> ViewpointAnswer:
-    """Raises BadQuestion for views that can't be read, sliced or told apart, and for the policy `contour`."""
+    """Raises BadQuestion for views that can't be read, sliced or told apart."""
     asked = question.settings
-    if asked.policy == "contour":
-        raise BadQuestion("the contour explorer answers at /v1/explore", code="other_route")
     settings = viewpoint.Settings(**asked.model_dump())
     _check_views(question.views)
     sliced = {

@@ -28,7 +28,7 @@ RUNNER = CliRunner()
         (["deliver", "--sample", "green-flower-pot", "--viewpoint", "sideways"], "viewpoint"),
         (
             ["deliver", "--sample", "green-flower-pot", "--viewpoint", "contour", "--choice", "centre"],
-            "belongs to the paper",
+            "contour has no setting choice",
         ),
         (["deliver", "--sample", "green-flower-pot", "--max-steps", "0"], "max-steps"),
         (["serve", "kitchen"], "there is no service 'kitchen'"),

@@ -9,7 +9,7 @@ from command_line.delivery_view import LiveView, PlainView, print_result
 from contracts.events import Event, ResultEvent
 from contracts.orchestrator import DeliveryQuestion
 from orchestrator.delivery import Order, Run
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
 
 REQUEST = "floor 4, [bold] the green flower pot"
 
@@ -19,7 +19,7 @@ async def flown(tmp_path: Path) -> tuple[list[Event], Run]:
     events: list[Event] = []
     question = DeliveryQuestion(request=REQUEST, scene=block_scene(world.block))
     run = Run(Order(question), tmp_path, listener=events.append)
-    await run.fly(block_ports(world))
+    await run.fly(block_ports(world), block_trial(world))
     return events, run
 
 

@@ -2,11 +2,12 @@
 
 import pytest
 
-from command_line.mission_options import ChoicePolicy, ViewpointPolicy, mission_settings
+from command_line.mission_options import ChoicePolicy, mission_settings
 from contracts.orchestrator import MissionSettings
+from mission.policies import BadSearch, completed
 
 
-def settings(viewpoint: ViewpointPolicy | None = None, choice: ChoicePolicy | None = None) -> MissionSettings:
+def settings(viewpoint: str | None = None, choice: ChoicePolicy | None = None) -> MissionSettings:
     return mission_settings(
         viewpoint=viewpoint,
         choice=choice,
@@ -21,22 +22,26 @@ def settings(viewpoint: ViewpointPolicy | None = None, choice: ChoicePolicy | No
 
 
 def test_without_options_the_settings_are_those_of_a_mission_over_rest() -> None:
-    assert settings() == MissionSettings()
+    assert settings() == completed(MissionSettings())
     assert settings().viewpoint.policy == "contour"
 
 
 @pytest.mark.parametrize(
-    ("viewpoint", "choice", "policy"),
-    [(None, "centre", "paper"), (None, "model", "paper"), ("random", "centre", "random"), ("default", None, "default")],
+    ("viewpoint", "choice"),
+    [("paper", "centre"), ("paper", "model"), ("random", "centre"), ("default", None)],
 )
-def test_a_choice_goes_with_the_papers_rule(
-    viewpoint: ViewpointPolicy | None, choice: ChoicePolicy | None, policy: str
-) -> None:
+def test_a_choice_goes_with_a_policy_that_has_points(viewpoint: str, choice: ChoicePolicy | None) -> None:
     made = settings(viewpoint, choice)
-    assert made.viewpoint.policy == policy
-    assert made.choice == (choice or "model")
+    assert made.viewpoint.policy == viewpoint
+    assert made.viewpoint.constants["choice"] == (choice or "model")
 
 
-def test_the_explorer_offers_nothing_to_choose_from() -> None:
-    with pytest.raises(ValueError, match="--viewpoint paper"):
-        settings("contour", "centre")
+@pytest.mark.parametrize("viewpoint", ["contour", None])
+def test_the_explorer_offers_nothing_to_choose_from(viewpoint: str | None) -> None:
+    with pytest.raises(BadSearch, match="the search policy contour has no setting choice"):
+        settings(viewpoint, "centre")
+
+
+def test_a_policy_that_there_is_not_is_told_with_those_that_there_are() -> None:
+    with pytest.raises(BadSearch, match="no search policy sideways; there are paper, random, default, contour"):
+        settings("sideways")

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import DEFAULT_RIG, shipped_rig
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -50,6 +51,8 @@ from contracts.vlm_gateway import (
     FloorCountQuestion,
     Match,
 )
+from mission.episodes import EpisodeTrial
+from mission.placement import InTrial
 from mission.ports import Ports, ServiceRefused
 from services.depth_assist.app import choose_viewpoint, explore_step, measure_safe_distances, plan_approach
 
@@ -334,4 +337,14 @@ class SceneParser:
 
 
 def block_ports(world: BlockWorld, vision: BlockVision | None = None, depth: LocalDepthAssist | None = None) -> Ports:
-    return Ports(SceneParser(), vision or BlockVision(world), depth or LocalDepthAssist(), world)
+    return Ports(SceneParser(), vision or BlockVision(world), depth or LocalDepthAssist())
+
+
+def block_trial(world: BlockWorld) -> EpisodeTrial:
+    return EpisodeTrial(world)
+
+
+def block_placement(world: BlockWorld, scene: Scene | None = None) -> InTrial:
+    """The block world's drone at its start, and its judge."""
+    rig = shipped_rig(DEFAULT_RIG).scaled_to(SIZE)
+    return InTrial(block_trial(world), scene or block_scene(world.block), Flight(), rig)

@@ -6,22 +6,29 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from contracts.depth_assist import ViewpointSettings
-from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings
-from contracts.sim import EpisodeQuestion
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, SearchSettings
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from mission.mission import Mission
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import GOOD
-from tests.mission.box_world import WHO, Block, BlockVision, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import (
+    WHO,
+    Block,
+    BlockVision,
+    BlockWorld,
+    block_placement,
+    block_ports,
+    block_scene,
+    block_trial,
+)
 from tests.mission.test_mission import BEHIND, REQUEST, Events
 
-CONTOUR = ViewpointSettings(policy="contour")
+CONTOUR = SearchSettings(policy="contour")
 
 
 async def fly(world: BlockWorld, log: Events, vision: BlockVision | None = None, **settings: object) -> DeliveryResult:
-    mission = Mission(block_ports(world, vision), MissionSettings(viewpoint=CONTOUR, **settings), log)
-    return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    chosen = MissionSettings(viewpoint=CONTOUR, **settings)
+    return await Mission(block_ports(world, vision), block_placement(world), chosen, log).fly(REQUEST)
 
 
 async def test_a_window_on_the_far_side_is_found_by_the_contour_explorer() -> None:
@@ -62,7 +69,7 @@ async def test_the_summary_shows_the_facade_that_was_inspected(tmp_path: Path) -
     settings = MissionSettings(viewpoint=CONTOUR)
     question = DeliveryQuestion(request=REQUEST, scene=block_scene(BEHIND), settings=settings)
     run = Run(Order(question), tmp_path)
-    await run.fly(block_ports(BlockWorld(BEHIND)))
+    await run.fly(block_ports(world := BlockWorld(BEHIND)), block_trial(world))
     picture = cv2.imread(str(run.record.folder / "summary.png"))
     green = (picture == np.array(GOOD[::-1])).all(axis=2)
     assert green[:, :880].sum() > 1500  # the plan's half; the facts beside it are written in the same green

@@ -5,10 +5,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ViewpointSettings
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion
 from contracts.geometry import Heading, Point3, Pose
-from contracts.orchestrator import DeliveryResult, MissionSettings, SightingSettings
-from contracts.sim import EpisodeQuestion
+from contracts.orchestrator import DeliveryResult, MissionSettings, SearchSettings, SightingSettings
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from mission.mission import Mission
 from tests.mission.box_world import (
@@ -17,14 +16,14 @@ from tests.mission.box_world import (
     BlockVision,
     BlockWorld,
     LocalDepthAssist,
+    block_placement,
     block_ports,
-    block_scene,
 )
 from tests.mission.test_mission import BEHIND, REQUEST, Events
 
 CLAIM = 0.8
 IMPOSTOR = (-3.0, -6.2, 10.5)
-PAPER = ViewpointSettings(policy="paper")
+PAPER = SearchSettings(policy="paper")
 """On the facade that the drone faces at first; the thing itself hangs on the far side."""
 
 
@@ -68,8 +67,8 @@ async def fly(
     vision = DoubtfulVision(world, thing=thing, impostor=impostor or {})
     settings = MissionSettings(viewpoint=PAPER, sightings=SightingSettings.model_validate(sightings))
     log = Events()
-    mission = Mission(block_ports(world, vision, depth), settings, log)
-    return await mission.fly(REQUEST, EpisodeQuestion(scene=block_scene(block))), log, vision
+    mission = Mission(block_ports(world, vision, depth), block_placement(world), settings, log)
+    return await mission.fly(REQUEST), log, vision
 
 
 SURE, MIDDLING = {99.0: 0.95}, {99.0: 0.5}

@@ -6,12 +6,11 @@ import math
 
 import pytest
 
-from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ViewpointSettings
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion
 from contracts.events import Event, new_event
 from contracts.geometry import Box, Point3, Pose
-from contracts.orchestrator import DeliveryResult, MissionSettings
+from contracts.orchestrator import DeliveryResult, MissionSettings, SearchSettings
 from contracts.scene import FreePlace, Scene, SceneObject
-from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, FloorCountQuestion, Match
 from mission.mission import Mission
 from mission.ports import ModelUnreachable, Ports, ServiceUnreachable
@@ -21,21 +20,22 @@ from tests.mission.box_world import (
     BlockVision,
     BlockWorld,
     LocalDepthAssist,
+    block_placement,
     block_ports,
     block_scene,
 )
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
-PAPER = ViewpointSettings(policy="paper")
+PAPER = SearchSettings(policy="paper")
 
 
 class Events(list[Event]):
     """A log that keeps events in memory."""
 
-    def write(self, phase, message, data, pictures=None):
+    def write(self, number, phase, message, data, pictures=None):
         names = tuple(pictures() if pictures else ())
-        self.append(new_event(data, number=len(self) + 1, time_s=0.0, phase=phase, message=message, pictures=names))
+        self.append(new_event(data, number=number, time_s=0.0, phase=phase, message=message, pictures=names))
 
     def of(self, kind: str) -> list[Event]:
         return [e for e in self if e.kind == kind]
@@ -51,8 +51,8 @@ async def fly(
     **settings: object,
 ) -> DeliveryResult:
     chosen = MissionSettings.model_validate({"viewpoint": PAPER} | settings)
-    mission = Mission(block_ports(world, vision), chosen, log if log is not None else Events())
-    return await mission.fly(request, EpisodeQuestion(scene=scene or block_scene(world.block)))
+    events = log if log is not None else Events()
+    return await Mission(block_ports(world, vision), block_placement(world, scene), chosen, events).fly(request)
 
 
 async def test_a_window_on_the_first_facade_is_delivered_to() -> None:
@@ -248,20 +248,21 @@ async def test_a_choice_that_was_not_offered_is_not_flown() -> None:
 
 async def test_the_centre_ablation_asks_no_choice_model() -> None:
     world = BlockWorld(BEHIND)
-    result = await fly(world, choice="centre")
+    result = await fly(world, viewpoint=SearchSettings(policy="paper", choice="centre"))
     assert "choice" not in result.model_calls
     assert result.outcome == "delivered"
 
 
 async def test_the_default_viewpoint_always_takes_the_right_view() -> None:
     log = Events()
-    await fly(BlockWorld(BEHIND), log=log, viewpoint=ViewpointSettings(policy="default"), max_exploration_steps=4)
+    await fly(BlockWorld(BEHIND), log=log, viewpoint=SearchSettings(policy="default"), max_exploration_steps=4)
     assert {e.data.heading_deg for e in log.of("direction")} == {90}
 
 
 async def test_only_ways_over_the_threshold_are_offered_and_without_one_the_drone_turns_30_degrees_left() -> None:
+    far = SearchSettings(policy="paper", min_move_m=11.0)
     log = Events()
-    await fly(BlockWorld(BEHIND), log=log, min_move_m=11.0, max_exploration_steps=3)
+    await fly(BlockWorld(BEHIND), log=log, viewpoint=far, max_exploration_steps=3)
     turns = [e for e in log.of("turn") if e.phase == "explore"]
     assert len(turns) == 2
     for turn in turns:
@@ -311,9 +312,9 @@ async def test_a_sighting_whose_way_is_not_free_is_tried_again_from_elsewhere(ti
     world = BlockWorld(BEHIND)
     usual = block_ports(world)
     log = Events()
-    ports = Ports(usual.parser, usual.vision, BlockedAtFirst(times), world)
+    ports = Ports(usual.parser, usual.vision, BlockedAtFirst(times))
     settings = MissionSettings(viewpoint=PAPER, max_exploration_steps=12)
-    result = await Mission(ports, settings, log).fly(REQUEST, EpisodeQuestion(scene=block_scene(world.block)))
+    result = await Mission(ports, block_placement(world), settings, log).fly(REQUEST)
     assert result.outcome == outcome
     tried = [e.data.pose for e in log.of("look") if e.data.accepted]
     assert tried[0] != tried[1]
@@ -341,10 +342,8 @@ async def test_what_no_way_leads_to_is_looked_at_from_another_side_before_the_se
     world = BlockWorld()
     usual = block_ports(world)
     log = Events()
-    ports = Ports(usual.parser, usual.vision, OnlyAsideAtFirst(times), world)
-    result = await Mission(ports, MissionSettings(viewpoint=PAPER), log).fly(
-        REQUEST, EpisodeQuestion(scene=block_scene(world.block))
-    )
+    ports = Ports(usual.parser, usual.vision, OnlyAsideAtFirst(times))
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
     assert result.outcome == "delivered"
     assert sum("another side" in e.message for e in log.of("move")) == min(times, 2)
     assert [e.data.blocked for e in log.of("lost")][:1] == [True] * lost
@@ -362,10 +361,8 @@ async def test_a_collision_ends_the_mission_at_once() -> None:
     world = BlockWorld()
     usual = block_ports(world)
     log = Events()
-    ports = Ports(usual.parser, usual.vision, ThroughTheWall(), world)
-    result = await Mission(ports, MissionSettings(viewpoint=PAPER), log).fly(
-        REQUEST, EpisodeQuestion(scene=block_scene(world.block))
-    )
+    ports = Ports(usual.parser, usual.vision, ThroughTheWall())
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
     assert result.outcome == "collision"
     assert "house" in result.message
     assert log[-1].data.hit == "house"

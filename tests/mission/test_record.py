@@ -8,10 +8,11 @@ from contracts.event_data import LostData, NoData
 from contracts.events import Event
 from contracts.geometry import Point3
 from contracts.orchestrator import Delivery, DeliveryQuestion
+from mission.policies import completed
 from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import draw_summary
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
 
 
 def record_in(folder: Path, **options: object) -> Record:
@@ -28,9 +29,9 @@ def test_events_are_on_disk_before_anybody_hears_of_them(tmp_path: Path) -> None
         heard.append(len(read_events(tmp_path / "d")))
 
     record = record_in(tmp_path / "d", listener=listen)
-    record.write("parse", "one", NoData())
+    record.write(1, "parse", "one", NoData())
     lost = LostData(place=Point3(x=0.0, y=0.0, z=0.0), blocked=True)
-    record.write("approach", "two", lost, lambda: {"view": b"\xff\xd8 not really"})
+    record.write(2, "approach", "two", lost, lambda: {"view": b"\xff\xd8 not really"})
     record.close()
     assert heard == [1, 2]
     event = read_events(tmp_path / "d")[1]
@@ -40,7 +41,7 @@ def test_events_are_on_disk_before_anybody_hears_of_them(tmp_path: Path) -> None
 
 def test_a_line_that_a_crash_cut_off_ends_the_events_and_the_delivery_has_failed(tmp_path: Path) -> None:
     record = record_in(tmp_path / "d")
-    record.write("parse", "one", NoData())
+    record.write(1, "parse", "one", NoData())
     record.close()
     with (tmp_path / "d" / "events.jsonl").open("a") as file:
         file.write('{"number":2,"time_s":1.0,"pha')
@@ -68,14 +69,14 @@ async def test_everything_about_a_delivery_can_be_read_from_its_folder_alone(tmp
     world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
     question = DeliveryQuestion(request="floor 4, the green flower pot", scene=block_scene(world.block))
     run = Run(Order(question), tmp_path)
-    result = await run.fly(block_ports(world))
+    result = await run.fly(block_ports(world), block_trial(world))
     folder = run.record.folder
     delivery = read_delivery(folder)
     assert delivery is not None
     assert delivery.result == result
     asked = DeliveryQuestion.model_validate_json((folder / "question.json").read_text())
     assert asked.scene == question.scene
-    assert asked.settings == question.settings
+    assert asked.settings == completed(question.settings)
     named = {p for e in read_events(folder) for p in e.pictures}
     assert named == {p.name for p in (folder / "pictures").iterdir()}
     (folder / "summary.png").unlink()

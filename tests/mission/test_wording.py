@@ -2,7 +2,7 @@
 
 import pytest
 
-from mission.phases.explore import search_task
+from mission.policies.points import search_task
 from mission.wording import counted, with_article
 
 

@@ -17,6 +17,8 @@ CAMERA = pinhole(160, 160, 90.0)
 WALL = Prism(rectangle(0.0, 5.0, 60.0, 10.0), 0.0, 20.0)  # its south face is y = 0
 POT = Prism(rectangle(1.0, -0.15, 0.6, 0.3), 8.0, 8.6)  # on a sill; its front is y = -0.3
 
+STOPS_AT_2_M = Settings(stop_distance_m=2.0)
+
 
 def _box(pose: Pose, heading: int, low: Place, high: Place) -> Box:
     """The image box of an upright box's front face, seen from `pose`."""
@@ -35,7 +37,7 @@ def _plan(world: World, pose: Pose, heading: int = 0, max_leg_m: float = 40.0) -
     views = world.views(pose, CAMERA)
     box = _box(pose, heading, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6))
     others = [views[h] for h in HEADINGS if h != heading]
-    return plan_approach(views[heading], others, box, pose, Settings(), max_leg_m)
+    return plan_approach(views[heading], others, box, pose, STOPS_AT_2_M, max_leg_m)
 
 
 def _assert_flies_clear(world: World, pose: Pose, approach: Approach, room_m: float = 0.9) -> None:
@@ -157,7 +159,7 @@ def test_where_no_camera_looks_along_the_way_the_drone_turns_first() -> None:
     pose = Pose(8.0, -9.0, 8.0, NORTH)
     view = World([WALL, POT]).views(pose, CAMERA)[0]
     box = _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6))
-    near = Settings(slide_offsets_m=(0.0,), retreats_m=(2.0,))
+    near = STOPS_AT_2_M._replace(slide_offsets_m=(0.0,), retreats_m=(2.0,))
     found = plan_approach(view, (), box, pose, near, 40.0)
     assert (found.status, found.path, found.reached) == ("clear", (), False)
 

@@ -12,7 +12,7 @@ from contracts.events import Event, read_event
 from contracts.orchestrator import Delivery
 from orchestrator.app import build_app
 from orchestrator.desk import Desk
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
@@ -29,7 +29,7 @@ def door(serve: Callable[..., str], runs: Path) -> Iterator[Callable[..., httpx.
 
     def make(world: BlockWorld, **options: object) -> httpx.Client:
         token = options.pop("token", None)
-        app = build_app(Desk(block_ports(world), runs, **options), token=token)
+        app = build_app(Desk(block_ports(world), block_trial(world), runs, **options), token=token)
         clients.append(httpx.Client(base_url=serve(app), timeout=20))
         return clients[-1]
 

@@ -12,6 +12,8 @@ from tests.evaluation.evaluation_kit import a_record, a_result, a_run, a_task, a
 
 TASKS = [a_task(f"t-{i:02d}") for i in range(12)]
 
+CENTRE = {"policy": "paper", "choice": "centre"}
+
 
 def flown(path: Path, won: set[int], count: int = len(TASKS), **mission: object) -> Path:
     """The tasks with these numbers delivered, all others at a wrong window."""
@@ -27,7 +29,10 @@ def asked(*arguments: object) -> Result:
 @pytest.fixture
 def arms(tmp_path: Path) -> list[Path]:
     """The first wins 0-5, the second 4-11, but flew only 0-9: 4 to 2 on the tasks of both."""
-    return [flown(tmp_path / "a", set(range(6))), flown(tmp_path / "b", set(range(4, 12)), 10, choice="centre")]
+    return [
+        flown(tmp_path / "a", set(range(6))),
+        flown(tmp_path / "b", set(range(4, 12)), 10, viewpoint=CENTRE),
+    ]
 
 
 def test_each_run_is_tested_against_the_first_on_the_tasks_of_both(arms: list[Path]) -> None:
@@ -41,7 +46,11 @@ def test_each_run_is_tested_against_the_first_on_the_tasks_of_both(arms: list[Pa
 
 
 def test_a_gain_over_the_first_is_positive(tmp_path: Path) -> None:
-    shown = asked(flown(tmp_path / "a", {1}), flown(tmp_path / "b", set(range(12)), choice="centre"), "--json")
+    shown = asked(
+        flown(tmp_path / "a", {1}),
+        flown(tmp_path / "b", set(range(12)), viewpoint=CENTRE),
+        "--json",
+    )
     test = json.loads(shown.stdout)["arms"][1]["against_first"]
     assert (test["only_first"], test["only_second"]) == (11, 0)
     assert test["success_p"] == pytest.approx(2 / 2**11)

@@ -11,12 +11,11 @@ import typer
 from typer.testing import CliRunner
 
 from command_line.report import report
-from contracts.depth_assist import ExploreDrawing, ExploreStep, ViewpointSettings
+from contracts.depth_assist import ExploreDrawing, ExploreStep
 from contracts.event_data import ContourData, LookData, MoveData, PlacedData
 from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
-from contracts.sim import Flight
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, SearchSettings
 from contracts.vlm_gateway import FindObjectAnswer
 from evaluation.bench.folder import BadFolder
 from evaluation.metrics.episode import EpisodeRecord
@@ -31,6 +30,7 @@ from evaluation.task_set.task import Task
 from mission.record import Record
 from tests.evaluation.evaluation_kit import a_record, a_result, a_run, a_task, a_verdict, delivered, run_settings, stops
 
+CENTRE = SearchSettings(policy="paper", choice="centre")
 TASKS = [a_task(f"t-{i}", request=f"Floor <3> & the green pot, no. {i}") for i in range(4)]
 VOID = {"meta", "link", "img", "input"}
 
@@ -68,23 +68,23 @@ def recorded(run: Path, task: Task, result: DeliveryResult, drawing: ExploreDraw
     jpeg = jpeg_bytes(encode_jpeg(np.full((800, 800, 3), 90, np.uint8)))
     record = Record(run / "episodes" / task.id, delivery, question)
     ground, pose = Pose(x=10.0, y=-6.0, z=1.5, yaw=3.14), Pose(x=10.0, y=-6.0, z=7.5, yaw=3.14)
-    placed = PlacedData(episode="e", pose=ground, renderer="moderngl", renderer_detail="", flight=Flight())
-    record.write("place", "the drone stands", placed)
+    placed = PlacedData(vehicle="e", pose=ground)
+    record.write(1, "place", "the drone stands", placed)
     path = (Point3(x=10.0, y=-6.0, z=7.5),)
     moved = MoveData(
         number=1, start=ground, to=pose, path=path, reached=True, collided=False, hit=None, path_m=6.0, flight_s=3.0
     )
-    record.write("floors", "to floor 3", moved)
+    record.write(2, "floors", "to floor 3", moved)
     views = dict.fromkeys(("view-90", "view-45", "view", "view+45", "view+90"), jpeg)
     nothing = FindObjectAnswer(outcome="answered", role="recognition", backend="scripted", model="m", found=False)
     look = LookData(exploration_step=1, pose=pose, object="pot", answer=nothing, render_s=0.1, seconds=0.1)
-    record.write("explore", "step 1: no <pot> in sight", look, lambda: views)
+    record.write(3, "explore", "step 1: no <pot> in sight", look, lambda: views)
     if drawing is not None:
         step = ExploreStep(
             status="move", reason="towards facade", stop=None, bearing_deg=0.0, distance_m=4.0, yaw=0.0,
             gain_m=2.0, way_m=4.0, inspected_share=0.5, step=1, drawing=drawing,
         )  # fmt: skip
-        record.write("explore", "towards facade", ContourData(exploration_step=1, explore=step, map_bytes=0))
+        record.write(4, "explore", "towards facade", ContourData(exploration_step=1, explore=step, map_bytes=0))
     record.conclude(result)
     record.announce(result)
     return a_record(task, result, folder=f"episodes/{task.id}")
@@ -104,9 +104,7 @@ def two_runs(tmp_path: Path) -> list[Path]:
             a_record(TASKS[3], None, error="the simulator <ended>"),
         ],
     )
-    a_run(
-        second, TASKS, [a_record(task, delivered()) for task in TASKS[:3]], viewpoint=ViewpointSettings(policy="random")
-    )
+    a_run(second, TASKS, [a_record(task, delivered()) for task in TASKS[:3]], viewpoint=SearchSettings(policy="random"))
     return [first, second]
 
 
@@ -259,7 +257,7 @@ def test_runs_with_equal_arms_are_told_apart_by_their_folders(tmp_path: Path) ->
 def test_a_label_says_what_differs_from_the_papers_method() -> None:
     assert label_of(run_settings(TASKS)) == "embedded, paper's rule"
     assert (
-        label_of(run_settings(TASKS, choice="centre", floors="direct-count"))
+        label_of(run_settings(TASKS, viewpoint=CENTRE, floors="direct-count"))
         == "embedded, paper's rule, centre, no choice, direct count"
     )
     noisy = run_settings(TASKS).model_copy(

@@ -59,7 +59,7 @@ class Parser:
 
 async def test_a_model_that_cannot_be_reached_counts_as_wrong_and_is_told_apart() -> None:
     ports = block_ports(BlockWorld())
-    examiner = Examiner(Plan("embedded"), type(ports)(Parser(), ports.vision, ports.depth, ports.world), None)
+    examiner = Examiner(Plan("embedded"), type(ports)(Parser(), ports.vision, ports.depth), None)
     tasks = [a_task(f"t-{i}") for i in range(3)]
     scores = scored("parse", Plan("embedded"), [await examiner.ask("parse", task) for task in tasks], 1.0)
     assert (scores.rates["both"].k, scores.rates["both"].n) == (2, 3)

@@ -127,10 +127,3 @@ def test_a_drone_outside_its_map_and_one_without_a_wall_ahead_are_told_so(client
     far = START.model_copy(update={"x": 300.0})
     assert "left the map" in _refused(client, _question(far, map=known), "outside_map")
     assert "no wall" in _refused(client, _question(world=World([])), "no_facade")
-
-
-def test_the_viewpoint_route_sends_the_contour_policy_to_its_own(client: httpx.Client) -> None:
-    body = _question().model_dump(mode="json", include={"views"}) | {"settings": {"policy": "contour"}}
-    answer = client.post("/v1/viewpoint", json=body)
-    assert answer.status_code == 422
-    assert "/v1/explore" in answer.json()["error"]["message"]

@@ -3,10 +3,10 @@
 import asyncio
 
 from mission.policies.base import NothingLeft, Plan
-from mission.stages.approaching import begin_approach
-from mission.stages.planning import memory_of, plan_onward
-from mission.stages.searching import search
-from mission.state import LeaveBlocked, LookRound, Stage
+from mission.stage_actions.approaching import begin_approach
+from mission.stage_actions.planning import memory_of, plan_onward
+from mission.stage_actions.searching import search
+from mission.stages import LookRound, Stage
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 

@@ -1,8 +1,10 @@
 """The claim, and what becomes of it."""
 
 from contracts.sim import Verdict
-from mission.state import ClaimWindow, Ended
+from mission.stages import ClaimWindow, Ended
 from mission.step import Step
+
+NOT_JUDGED = "stopped in front of the window; nobody judges whether it is the right one"
 
 
 async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
@@ -12,7 +14,7 @@ async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
     verdict = await step.timed("claim", step.context.placement.claim(name, stage.place))
     step.update(claimed=stage.place, verdict=verdict)
     if verdict is None:
-        return Ended(outcome="delivered_not_judged", message="stopped in front of the window; nobody judges this flight")
+        return Ended(outcome="delivered_not_judged", message=NOT_JUDGED)
     step.write(spoken_verdict(verdict), verdict)
     return _judged(verdict)
 

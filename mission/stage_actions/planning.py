@@ -52,5 +52,3 @@ async def plan_onward(step: Step, look: Look) -> Plan:
 def memory_of(step: Step) -> SearchMemory:
     """What the policy remembers of this mission."""
     return step.policy.memory_type.model_validate(step.state.memory)
-
-

@@ -12,21 +12,20 @@ from contracts.geometry import Box
 from mission.looks import Look, Sight
 from mission.places import distance_m, point_of, yaw_towards
 from mission.sighting import project
-from mission.stages.planning import plan_onward
-from mission.stages.searching import Found, looks_again, search
-from mission.state import (
+from mission.stage_actions.planning import plan_onward
+from mission.stage_actions.searching import Found, looks_again, search
+from mission.stages import (
     Approach,
     CheckCandidate,
     ClaimWindow,
     CloseIn,
-    Dismissed,
     FaceCandidate,
     LeaveBlocked,
     LookRound,
-    LostSighting,
     Seen,
     SqueezeIn,
 )
+from mission.state import Dismissed, LostSighting
 from mission.step import Step
 
 MAX_LEGS = 8

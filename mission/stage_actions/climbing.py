@@ -1,7 +1,7 @@
 """Straight up or down along the facade, and once more from a little farther off where that way is not free."""
 
 from mission.places import above, ahead
-from mission.state import AfterClimb, CheckClimb, Climb
+from mission.stages import AfterClimb, CheckClimb, Climb
 from mission.step import MissionEnd, Step
 
 BACK_OFF_M = 1.0

@@ -6,7 +6,7 @@ from contracts.event_data import ParsedData, PlacedData
 from contracts.llm_parser import ParseQuestion
 from mission.model_calls import Answered
 from mission.places import spoken
-from mission.state import MeasureStandOff, PlaceDrone
+from mission.stages import MeasureStandOff, PlaceDrone
 from mission.step import Drone, MissionEnd, Step
 
 _WANTED = {"floor": "floor", "object": "object at the window"}
@@ -47,8 +47,6 @@ async def place_drone(step: Step) -> MeasureStandOff:
     step.update(drone=state, renderer=await step.context.placement.renderer(vehicle.name))
     step.write(
         f"the drone is at {spoken(state.pose)}: {drone.capabilities.kind}",
-        PlacedData(
-            vehicle=vehicle.name, vehicle_kind=drone.capabilities.kind, pose=state.pose, cameras=drone.cameras
-        ),
+        PlacedData(vehicle=vehicle.name, vehicle_kind=drone.capabilities.kind, pose=state.pose, cameras=drone.cameras),
     )
     return MeasureStandOff()

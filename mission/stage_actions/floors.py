@@ -1,6 +1,6 @@
 """Floor localization: count the floors band by band, climb by eq. 3, and take the building's box at the final height.
 
-This is the paper's way, `stepwise`; its ablation `direct-count` is in `mission.stages.direct_count`.
+This is the paper's way, `stepwise`; its ablation `direct-count` is in `mission.stage_actions.direct_count`.
 """
 
 from contracts.event_data import BuildingBoxData, StandOffData
@@ -10,8 +10,8 @@ from mission.annotation import mark_box
 from mission.looks import Sight
 from mission.model_calls import Answered
 from mission.places import ahead
-from mission.stages.direct_count import leave_facade
-from mission.stages.floor_counts import (
+from mission.stage_actions.direct_count import leave_facade
+from mission.stage_actions.floor_counts import (
     FACADE,
     Count,
     count_floors,
@@ -22,7 +22,7 @@ from mission.stages.floor_counts import (
     vertical,
     write_count,
 )
-from mission.state import BackOff, BandCount, BoxBuilding, Climb, CountBand, CountBandFromNearer, LookRound
+from mission.stages import BackOff, BandCount, BoxBuilding, Climb, CountBand, CountBandFromNearer, LookRound
 from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
 from navigation.floor_localization import FinalHeight, FloorNotFound, Recount, WindowRows, band, band_span_m

@@ -5,7 +5,7 @@ import math
 from contracts.depth_assist import SafeDistanceSettings, SafeDistancesQuestion
 from contracts.geometry import Point3
 from mission.places import ahead, distance_m, point_of
-from mission.stages.floor_counts import (
+from mission.stage_actions.floor_counts import (
     FACADE,
     count_floors,
     eq3_settings,
@@ -14,7 +14,7 @@ from mission.stages.floor_counts import (
     useless,
     write_count,
 )
-from mission.state import BackOff, BoxBuilding, Climb, CountWhole, FindTop, RiseWithDistance, WholeBuilding
+from mission.stages import BackOff, BoxBuilding, Climb, CountWhole, FindTop, RiseWithDistance, WholeBuilding
 from mission.step import Step
 from navigation import facade
 from navigation.floor_localization import FloorNotFound, direct_count

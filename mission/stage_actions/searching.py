@@ -14,7 +14,7 @@ from mission.model_calls import Answered
 from mission.places import distance_m, towards
 from mission.policies.base import Plan
 from mission.sighting import Sighting, facade_returns, is_dismissed, locate
-from mission.state import Seen
+from mission.stages import Seen
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 
@@ -114,13 +114,11 @@ def _judged(step: Step, look: Look, answer: FindObjectAnswer, claim: float) -> l
 
 def _judge(step: Step, match: Match, sight: Sight, *, claimable: bool) -> Sighting:
     state = step.state
-    sighting = locate(
-        match, sight, floor_z=state.final_height_m or 0.0, floor_height_m=state.floor_height_m or 3.0
-    )
-    place = sighting.place
-    if sighting.rejected is None and place is not None:
-        if is_dismissed(state.dismissed, place, sight.pose, match.confidence, claimable=claimable):
-            return sighting._replace(rejected="looked at from near before")
+    sighting = locate(match, sight, floor_z=state.final_height_m or 0.0, floor_height_m=state.floor_height_m or 3.0)
+    if sighting.rejected is not None or sighting.place is None:
+        return sighting
+    if is_dismissed(state.dismissed, sighting.place, sight.pose, match.confidence, claimable=claimable):
+        return sighting._replace(rejected="looked at from near before")
     return sighting
 
 
