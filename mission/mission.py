@@ -12,6 +12,7 @@ from contracts.event_data import ParsedData, PlacedData
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from contracts.sim import Claim, EpisodeQuestion, Verdict
+from contracts.vlm_gateway import PreflightQuestion
 from mission.asking import Answered
 from mission.phases.approach import Lost, approach
 from mission.phases.explore import Exploration, Found
@@ -45,6 +46,7 @@ class Mission:
 
     async def _phases(self, request: str, start: EpisodeQuestion) -> MissionEnd:
         await self._parse(request)
+        await self._preflight()
         await self._place(start)
         await go_to_floor(self._sortie)
         await self._search()
@@ -69,6 +71,19 @@ class Mission:
         if missing:
             wanted = " and no ".join({"floor": "floor", "object": "object at the window"}[name] for name in missing)
             raise MissionEnd("request_incomplete", f"the request names no {wanted}; say both, and the search can begin")
+
+    async def _preflight(self) -> None:
+        """Whether the model has ever learnt to see the object, asked while the drone stands. Raises MissionEnd
+        (object_unknown), PortError."""
+        sortie = self._sortie
+        question = PreflightQuestion(model=sortie.settings.vision_model, object=sortie.object)
+        answer = await sortie.timed("preflight", sortie.ports.vision.preflight(question))
+        if answer.known is False:
+            raise MissionEnd(
+                "object_unknown",
+                f"the drone did not take off: it has never learnt to recognise {sortie.thing} ({answer.why}); "
+                "name another thing at the window, or choose a model that knows more",
+            )
 
     async def _place(self, start: EpisodeQuestion) -> None:
         sortie = self._sortie
