@@ -17,7 +17,8 @@ from contracts.images import JpegImage
 Role = Literal["parser", "floors", "recognition", "choice"]
 Outcome = Literal["answered", "unreadable", "refused"]
 CacheResult = Literal["hit", "miss", "off"]
-BackendKind = Literal["embedded", "chat", "oracle", "scripted"]
+BackendKind = Name
+"""`embedded`, `chat`, `oracle`, `scripted`, or the name under which another package brings its back end."""
 
 
 class Question(Wire):
