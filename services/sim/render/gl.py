@@ -14,14 +14,11 @@ from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.geometry.textures import TextureSet
 from services.sim.render import shaders
 from services.sim.render.culling import Seen
+from services.sim.render.gl_matrices import SKY_SLOPES, clip_matrix, rays, set_matrix, sky_drum, sun_matrix
 from services.sim.render.gl_scene import SHADOW_SIZE, GlScene
 from services.sim.render.light import WEATHER, fill_direction, sun_direction
-from services.sim.render.views import FAR_M, NEAR_M, RenderedViews, check_cameras, eye_of, view_axes
+from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
 
-SKY_SLOPES = (-0.05, 1.05)
-"""What the painted sky spans: a level view of 90 degrees sees up to slope 1, straight ahead. For views that see higher
-the sky is worked out pixel by pixel."""
-SHADOW_HALF_M = 75.0
 _ROWS_AT_ONCE = 8192
 _KEPT_TARGETS = 6
 
@@ -55,7 +52,7 @@ class GlRenderer:
         }
         corners = self._gl.buffer(np.array([(-1, -1), (3, -1), (-1, 3)], "<f4").tobytes())
         self._panorama = self._gl.vertex_array(self._programs["panorama"], [(corners, "2f", "in_corner")])
-        drum = self._gl.buffer(_sky_drum().tobytes())
+        drum = self._gl.buffer(sky_drum().tobytes())
         self._skies = {
             what: self._gl.vertex_array(self._programs[program], [(drum, "3f 2f", "in_direction", "in_uv")])
             for what, program in (("scene", "sky"), ("labelled", "labelled_sky"))
@@ -153,7 +150,7 @@ class GlRenderer:
         # a rim without shadow, because everything beyond the map reads its rim
         target.scissor = (1, 1, SHADOW_SIZE - 2, SHADOW_SIZE - 2)
         self._gl.enable_only(moderngl.DEPTH_TEST)
-        _set_matrix(self._programs["shadow"], "to_sun", _sun_matrix(uploaded.scene))
+        set_matrix(self._programs["shadow"], "to_sun", sun_matrix(uploaded.scene))
         uploaded.shadow.render()
         target.release()
 
@@ -182,7 +179,7 @@ class GlRenderer:
             # rows leave the card bottom first; the picture is drawn upside down instead, which turns the faces round
             self._gl.front_face = "cw"
             self._gl.depth_func = "<"
-            _set_matrix(self._programs[what], "to_clip", _clip_matrix(axes, eye, camera))
+            set_matrix(self._programs[what], "to_clip", clip_matrix(axes, eye, camera))
             faces = seen[eye.tobytes()].towards(axes, camera)
             if len(faces):
                 uploaded.chosen.write(faces.data)
@@ -195,12 +192,12 @@ class GlRenderer:
         self._gl.disable(moderngl.CULL_FACE)
         self._gl.depth_func = "<="
         if camera.pitch_deg == 0.0 and camera.cy_px / camera.fy_px < SKY_SLOPES[1]:
-            _set_matrix(self._skies[what].program, "to_clip", _clip_matrix(axes, np.zeros(3), camera))
+            set_matrix(self._skies[what].program, "to_clip", clip_matrix(axes, np.zeros(3), camera))
             self._skies[what].render(moderngl.TRIANGLE_STRIP)
             return
         dome = self._domes[what]
         self._set_sky(uploaded, dome.program)
-        _set_matrix(dome.program, "rays", _rays(axes, camera))
+        set_matrix(dome.program, "rays", rays(axes, camera))
         dome.render()
 
     def _set_light(self, uploaded: GlScene, scene: moderngl.Program, sky: moderngl.Program) -> None:
@@ -211,7 +208,7 @@ class GlRenderer:
         uploaded.shade.use(1)
         uploaded.panorama.use(2)
         scene["surface"], scene["shade"], sky["panorama"] = 0, 1, 2
-        _set_matrix(scene, "to_sun", _sun_matrix(uploaded.scene))
+        set_matrix(scene, "to_sun", sun_matrix(uploaded.scene))
         scene["sun"] = tuple(sun)
         scene["fill_light"] = tuple(fill_direction(light))
         for name, value in (("sun_light", weather.sun), ("sky_light", weather.sky), ("ground_light", weather.ground)):
@@ -252,62 +249,3 @@ def _batches(cameras: Sequence[Camera]) -> list[list[int]]:
 def _read(target: moderngl.Framebuffer, attachment: int) -> NDArray[np.uint16]:
     """The whole numbers of one attachment, flat."""
     return np.frombuffer(target.read(components=1, attachment=attachment, dtype="u2"), np.uint16)
-
-
-def _sky_drum(sides: int = 96) -> NDArray[np.float32]:
-    """(2 * sides + 2, 5): a strip round the eye, direction and uv of each corner; seen from inside."""
-    share = np.repeat(np.arange(sides + 1) / sides, 2)
-    angle = share * 2 * np.pi
-    # downwards, beyond the painting, its lowest row goes on
-    z = np.tile((-1.2, 1.2), sides + 1)
-    v = (z - SKY_SLOPES[0]) / (SKY_SLOPES[1] - SKY_SLOPES[0])
-    return np.column_stack([np.cos(angle), np.sin(angle), z, share, v]).astype("<f4")
-
-
-def _set_matrix(program: moderngl.Program, name: str, matrix: NDArray[np.float64]) -> None:
-    uniform = program[name]
-    assert isinstance(uniform, moderngl.Uniform)
-    uniform.write(matrix.T.astype("<f4").tobytes())
-
-
-def _clip_matrix(axes: NDArray[np.float64], eye: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
-    """(4, 4) world to clip space, upside down, with the camera's frustum."""
-    right, up, forward = axes
-    across = (2 * camera.fx_px * right + (2 * camera.cx_px - camera.width) * forward) / camera.width
-    down = ((2 * camera.cy_px - camera.height) * forward - 2 * camera.fy_px * up) / camera.height
-    a = (FAR_M + NEAR_M) / (FAR_M - NEAR_M)
-    b = -2 * FAR_M * NEAR_M / (FAR_M - NEAR_M)
-    return np.array(
-        [
-            [*across, -across @ eye],
-            [*down, -down @ eye],
-            [*(a * forward), -a * (forward @ eye) + b],
-            [*forward, -forward @ eye],
-        ]
-    )
-
-
-def _rays(axes: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
-    """(3, 3) from a picture's (x, y, 1), each -1..1, y downwards as it is drawn, to a direction in the world."""
-    right, up, forward = axes
-    across, down = camera.width / (2 * camera.fx_px), camera.height / (2 * camera.fy_px)
-    off_x, off_y = (camera.width / 2 - camera.cx_px) / camera.fx_px, (camera.height / 2 - camera.cy_px) / camera.fy_px
-    return np.column_stack([across * right, -down * up, forward + off_x * right - off_y * up])
-
-
-def _sun_matrix(scene: SceneMesh) -> NDArray[np.float64]:
-    """(4, 4) world to the sun's square view of the part of the scene that matters: around `focus`."""
-    sun = sun_direction(scene.light)
-    side = np.cross((0.0, 0.0, 1.0), sun)
-    side /= np.linalg.norm(side)
-    up = np.cross(sun, side)
-    focus = np.array(scene.focus, np.float64)
-    h, reach = SHADOW_HALF_M, 250.0
-    return np.array(
-        [
-            [*(side / h), -(side @ focus) / h],
-            [*(up / h), -(up @ focus) / h],
-            [*(-sun / reach), (sun @ focus) / reach],
-            [0, 0, 0, 1],
-        ]
-    )
