@@ -39,7 +39,7 @@ samples: setup  ## fly all sample deliveries: make samples [BACKEND=oracle]
 	  $(BIN)/logisticsvln deliver --sample $$name --backend $(BACKEND) 2>&1 | grep -E '^[A-Z][A-Z ]{5,}' | head -1; \
 	done
 
-test: setup .venv/.redis  ## run the tests (a redis-server of its own included)
+test: check .venv/.redis  ## lint, format, types, and the tests (a redis-server of its own included)
 	@$(BIN)/python -m pytest
 
 test-slow: setup .venv/.redis  ## the tests that take minutes

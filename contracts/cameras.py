@@ -110,7 +110,7 @@ def pinhole_camera(
     width: int,
     height: int,
     *,
-    horizontal_fov_deg: float = 90.0,
+    horizontal_fov_deg: float,
     heading_deg: float = 0.0,
     pitch_deg: float = 0.0,
     offset: MountingOffset | None = None,

@@ -19,6 +19,7 @@ OutcomeName = Literal[
     "object_not_found",
     "request_incomplete",
     "request_unreadable",
+    "object_unknown",
     "floor_not_found",
     "answer_unreadable",
     "blocked",

@@ -1,4 +1,4 @@
-"""vlm_gateway: the four typed vision questions.
+"""vlm_gateway: the four typed vision questions, and the question before take-off whether they can be asked.
 
 Three different things can go wrong and are never mixed: the model says no (`answered`, with `found` false or a null
 box), its answer can't be read (`unreadable`, or `refused` where it declined), or it can't be reached (an error with
@@ -17,6 +17,8 @@ from contracts.images import JpegImage
 Role = Literal["parser", "floors", "recognition", "choice"]
 Outcome = Literal["answered", "unreadable", "refused"]
 CacheResult = Literal["hit", "miss", "off"]
+BackendKind = Name
+"""`embedded`, `chat`, `oracle`, `scripted`, or the name under which another package brings its back end."""
 
 
 class Question(Wire):
@@ -26,6 +28,25 @@ class Question(Wire):
 
     model: Name | None = None
     oracle_episode: Name | None = None
+
+
+class PreflightQuestion(Wire):
+    """Before take-off: is there such a model, does it take pictures, and can it recognise this object? `object` is a
+    noun phrase; null asks about the model alone. The model is not run. An unknown model is the error `unknown_model`,
+    whose details name the models there are."""
+
+    model: Name | None = None
+    object: str | None = Field(default=None, min_length=1, max_length=200)
+
+
+class PreflightAnswer(Wire):
+    """`known` is false where the model has never learnt to see such an object, with the reason in `why`; a model
+    without a fixed vocabulary knows every object. Null where no object was asked about."""
+
+    model: str
+    backend: BackendKind
+    known: bool | None = None
+    why: str | None = Field(default=None, max_length=1000)
 
 
 class Tokens(Wire):
@@ -38,7 +59,7 @@ class Answer(Wire):
 
     outcome: Outcome
     role: Role
-    backend: Literal["embedded", "chat", "oracle", "scripted"]
+    backend: BackendKind
     model: str
     cache: CacheResult = "off"
     latency_s: float = Field(default=0.0, ge=0.0)

@@ -4,7 +4,7 @@ import time
 from typing import assert_never
 
 from mission.stage_actions.approaching import check_candidate, close_in, face_candidate
-from mission.stage_actions.beginning import place_drone, read_request
+from mission.stage_actions.beginning import place_drone, preflight, read_request
 from mission.stage_actions.claiming import claim_window
 from mission.stage_actions.climbing import check_climb, climb
 from mission.stage_actions.direct_count import back_off, count_whole, find_top, rise_with_distance
@@ -28,6 +28,7 @@ from mission.stages import (
     LookRound,
     MeasureStandOff,
     PlaceDrone,
+    Preflight,
     ReadRequest,
     RiseWithDistance,
     SqueezeIn,
@@ -65,6 +66,8 @@ async def _act(step: Step, stage: Stage) -> Stage:
     match stage:
         case ReadRequest():
             return await read_request(step)
+        case Preflight():
+            return await preflight(step)
         case PlaceDrone():
             return await place_drone(step)
         case MeasureStandOff():

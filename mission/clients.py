@@ -28,19 +28,23 @@ from contracts.vlm_gateway import (
     FindObjectQuestion,
     FloorCountAnswer,
     FloorCountQuestion,
+    PreflightAnswer,
+    PreflightQuestion,
 )
 from mission.episodes import EpisodeTrial
 from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
 from mission.vehicle import Trial
 from service_kit.addresses import Addresses
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
-from service_kit.connections import NO_TOKENS, Tokens
+from service_kit.connections import NO_TOKENS, TOKEN_VARIABLES, Tokens
 
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
 
-MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"})
-"""The error codes by which a service says that it is well but its model did not answer."""
+MODEL_TROUBLE = frozenset(
+    {"unknown_model", "model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"}
+)
+"""The error codes by which a service says that it is well but its model did not answer, or that there is none."""
 
 MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
@@ -59,6 +63,9 @@ class HttpParser:
 class HttpVision:
     def __init__(self, client: ServiceClient) -> None:
         self._client = client
+
+    async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
+        return await self._ask("/v1/preflight", PreflightAnswer, question)
 
     async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
         return await self._ask("/v1/floor-count", FloorCountAnswer, question)
@@ -176,4 +183,8 @@ async def _reached(call: Awaitable[T]) -> T:
     except Refused as error:
         if error.code in MODEL_TROUBLE:
             raise ModelUnreachable(f"{error.service}: {error.reason} ({error.code})") from None
+        if error.status in (401, 403):
+            variable = TOKEN_VARIABLES[error.service]
+            right = f"set {variable} or {variable}_FILE to one that it accepts"
+            raise ServiceUnreachable(f"{error.service} refuses our token ({error.status}); {right}") from None
         raise ServiceRefused(str(error), code=error.code, status=error.status) from None

@@ -1,8 +1,8 @@
 """What a mission needs from the outside: four small ports that speak the contracts' types.
 
 PortError               a port brought no answer of its contract
-  ModelUnreachable      the model behind it can't be reached, or not in time: no answer, so nothing to score
-  ServiceUnreachable    the service itself can't be reached
+  ModelUnreachable      the model behind it can't be reached, not in time, or there is none: nothing to score
+  ServiceUnreachable    the service itself can't be reached, or refuses our token
   ServiceRefused        the service answered with an error of its own
 """
 
@@ -31,6 +31,8 @@ from contracts.vlm_gateway import (
     FindObjectQuestion,
     FloorCountAnswer,
     FloorCountQuestion,
+    PreflightAnswer,
+    PreflightQuestion,
 )
 
 
@@ -62,7 +64,11 @@ class Parser(Protocol):
 
 
 class Vision(Protocol):
-    """The four typed questions about pictures."""
+    """The four typed questions about pictures, and the one before take-off whether they can be asked."""
+
+    async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
+        """Raises ModelUnreachable as well where there is no such model."""
+        ...
 
     async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer: ...
 

@@ -52,6 +52,12 @@ class ReadRequest(Wire):
     at: Literal["read_request"] = "read_request"
 
 
+class Preflight(Wire):
+    """Has the vision model ever learnt to see the object? Asked while the drone stands."""
+
+    at: Literal["preflight"] = "preflight"
+
+
 class PlaceDrone(Wire):
     """Get the vehicle, take off where it stands on the ground."""
 
@@ -212,6 +218,7 @@ class Ended(Wire):
 
 Stage = Annotated[
     ReadRequest
+    | Preflight
     | PlaceDrone
     | MeasureStandOff
     | Climb

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager
+from importlib.metadata import version
 
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
@@ -24,7 +25,6 @@ CHECK_TIMEOUT_S = 2.0
 def create_app(
     service: str,
     *,
-    version: str = "0.1.0",
     max_body_bytes: int,
     checks: Mapping[str, Check] | None = None,
     notes: Mapping[str, Check] | None = None,
@@ -39,7 +39,7 @@ def create_app(
     `notes` are asked and shown like `checks`, but what is wrong with them leaves the service ready.
     `token` puts a bearer token in front of all but health.
     """
-    app = FastAPI(title=f"LogisticsVLN {service}", version=version, lifespan=lifespan)
+    app = FastAPI(title=f"LogisticsVLN {service}", version=version("logisticsvln"), lifespan=lifespan)
     figures = metrics or HttpMetrics()
     app.state.metrics = figures
     install_error_renderer(app)

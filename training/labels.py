@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.scene import Building, Scene
 from contracts.scene_layout import floor_outline, window_slots
@@ -63,20 +64,19 @@ class Labeller:
         self._is_target[self._target_part] = True
         self._slots = window_slots(self._target)
 
-    def of(self, pose: Pose, heading_deg: float, ids: NDArray[np.uint16]) -> Labels:
-        """ids: (size, size) as the renderer drew them."""
-        size = len(ids)
+    def of(self, pose: Pose, camera: Camera, ids: NDArray[np.uint16]) -> Labels:
+        """ids: (H, W) as the renderer drew them for a level camera."""
         seen = self._is_target[ids]
         building = _shares(seen)
-        rows = floor_lines(self._target, pose, heading_deg, size)
+        rows = floor_lines(self._target, pose, camera)
         return Labels(
-            self._things(pose, heading_deg, ids),
+            self._things(pose, camera, ids),
             building,
-            _shares(self._windows(pose, heading_deg, rows.depth_m, size) & seen),
+            _shares(self._windows(pose, camera, rows.depth_m) & seen),
             row_map(rows.row_px, building),
         )
 
-    def _things(self, pose: Pose, heading_deg: float, ids: NDArray[np.uint16]) -> tuple[Thing, ...]:
+    def _things(self, pose: Pose, camera: Camera, ids: NDArray[np.uint16]) -> tuple[Thing, ...]:
         ys, xs = np.nonzero(self._is_thing[ids])
         if not len(ys):
             return ()
@@ -89,7 +89,7 @@ class Labeller:
             thing = self._part_of[int(part)]
             x, y = xs[at:end], ys[at:end]
             triangles = self._triangles[int(part)]
-            whole = outline_pixels(triangles, pose, heading_deg, len(ids))
+            whole = outline_pixels(triangles, pose, camera)
             middle = (triangles.min(axis=(0, 1)) + triangles.max(axis=(0, 1))) / 2
             found.append(
                 Thing(
@@ -104,9 +104,9 @@ class Labeller:
             )
         return tuple(found)
 
-    def _windows(self, pose: Pose, heading_deg: float, walls_m: NDArray[np.float64], size: int) -> NDArray[np.bool_]:
+    def _windows(self, pose: Pose, camera: Camera, walls_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Openings that face the camera on the wall that is met first."""
-        canvas = np.zeros((size, size), np.uint8)
+        canvas = np.zeros((camera.height, camera.width), np.uint8)
         eye = np.array([pose.x, pose.y])
         for slot in self._slots:
             centre, normal, along = (np.array(v[:2]) for v in (slot.centre, slot.normal, slot.along))
@@ -121,7 +121,7 @@ class Labeller:
                     for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))
                 ]
             )
-            pixels = project(pose, heading_deg, size, np.vstack([corners, slot.centre]))
+            pixels = project(pose, camera, np.vstack([corners, slot.centre]))
             if (pixels[:, 2] < 0.3).any():
                 continue
             x, _, depth_m = pixels[4]
@@ -140,11 +140,10 @@ class FloorLines(NamedTuple):
     depth_m: NDArray[np.float64]
 
 
-def floor_lines(building: Building, pose: Pose, heading_deg: float, size: int) -> FloorLines:
-    right, _, forward = view_axes(pose, heading_deg)
-    f = size / 2
-    x = (np.arange(size // STRIDE) + 0.5) * STRIDE
-    rays = forward[:2] + ((x - f) / f)[:, None] * right[:2]
+def floor_lines(building: Building, pose: Pose, camera: Camera) -> FloorLines:
+    right, _, forward = view_axes(pose, camera)
+    x = (np.arange(camera.width // STRIDE) + 0.5) * STRIDE
+    rays = forward[:2] + ((x - camera.cx_px) / camera.fx_px)[:, None] * right[:2]
     rows, depths = [], []
     outline: tuple[tuple[float, float], ...] = ()
     depth = np.full(len(x), np.inf)
@@ -154,7 +153,7 @@ def floor_lines(building: Building, pose: Pose, heading_deg: float, size: int) -
             outline, depth = now, _first_walls_m(np.array(now), np.array([pose.x, pose.y]), rays)
         z = (floor - 1) * building.floor_height_m + building.windows.sill_m + building.windows.height_m / 2
         with np.errstate(invalid="ignore"):
-            rows.append(np.where(np.isfinite(depth), f - f * (z - pose.z) / depth, np.nan))
+            rows.append(np.where(np.isfinite(depth), camera.cy_px - camera.fy_px * (z - pose.z) / depth, np.nan))
         depths.append(depth)
     return FloorLines(np.array(rows), np.array(depths))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from contracts.cameras import Camera, pinhole_camera
 from contracts.sim import Catalogue
 from evaluation.scene_generator.scene_plan import UnbuildableScene
 from services.sim.catalogue import CATALOGUE, build, poster_layers
@@ -38,12 +39,17 @@ def colour_numbers(catalogue: Catalogue = CATALOGUE) -> dict[str, int]:
     return {name: i for i, name in enumerate(names)}
 
 
+def view_camera(heading_deg: float) -> Camera:
+    """What the model is trained on: square pictures of 90 degrees, level."""
+    return pinhole_camera("view", SIZE_PX, SIZE_PX, horizontal_fov_deg=90.0, heading_deg=heading_deg)
+
+
 class Studio:
     """The renderer, the textures and the numbering, kept from street to street. Bound to its thread."""
 
     def __init__(self, catalogue: Catalogue = CATALOGUE) -> None:
         self._catalogue = catalogue
-        self._gl = GlRenderer(max_views=1)
+        self._gl = GlRenderer()
         self._textures: TextureSet = base_textures().with_pictures(poster_layers())
         self._kinds, self._colours = kind_numbers(catalogue), colour_numbers(catalogue)
 
@@ -64,7 +70,8 @@ class Studio:
         jpegs, labels = [], []
         try:
             for look in views:
-                seen = self._gl.render(uploaded, look.pose, (look.heading_deg,), SIZE_PX, labelled=True)
+                camera = view_camera(look.heading_deg)
+                seen = self._gl.render(uploaded, look.pose, [camera], labelled=True)
                 assert seen.ids is not None
                 rgb, ids = seen.rgb[0], seen.ids[0]
                 quality = 90 if plain else int(rng.integers(*_QUALITY))
@@ -73,7 +80,7 @@ class Studio:
                 )
                 assert done
                 jpegs.append(jpeg.tobytes())
-                labels.append(labeller.of(look.pose, look.heading_deg, ids))
+                labels.append(labeller.of(look.pose, camera, ids))
         finally:
             uploaded.release()
         return jpegs, labels

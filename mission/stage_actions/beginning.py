@@ -4,15 +4,16 @@ from dataclasses import replace
 
 from contracts.event_data import ParsedData, PlacedData
 from contracts.llm_parser import ParseQuestion
+from contracts.vlm_gateway import PreflightQuestion
 from mission.model_calls import Answered
 from mission.places import spoken
-from mission.stages import MeasureStandOff, PlaceDrone
+from mission.stages import MeasureStandOff, PlaceDrone, Preflight
 from mission.step import Drone, MissionEnd, Step
 
 _WANTED = {"floor": "floor", "object": "object at the window"}
 
 
-async def read_request(step: Step) -> PlaceDrone:
+async def read_request(step: Step) -> Preflight:
     """Raises MissionEnd: request_incomplete, request_unreadable; PortError."""
     request = step.state.request
     step.enter("parse", "reading the request")
@@ -31,6 +32,19 @@ async def read_request(step: Step) -> PlaceDrone:
     if missing:
         wanted = " and no ".join(_WANTED[name] for name in missing)
         raise MissionEnd("request_incomplete", f"the request names no {wanted}; say both, and the search can begin")
+    return Preflight()
+
+
+async def preflight(step: Step) -> PlaceDrone:
+    """Raises MissionEnd (object_unknown) for a thing that the model says it has never learnt; PortError."""
+    question = PreflightQuestion(model=step.settings.vision_model, object=step.state.object or "")
+    answer = await step.timed("preflight", step.ports.vision.preflight(question))
+    if answer.known is False:
+        raise MissionEnd(
+            "object_unknown",
+            f"the drone did not take off: it has never learnt to recognise {step.thing} ({answer.why}); "
+            "name another thing at the window, or choose a model that knows more",
+        )
     return PlaceDrone()
 
 

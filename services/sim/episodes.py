@@ -16,6 +16,8 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import DEFAULT_RIG, shipped_rig
+from contracts.cameras import Camera as RigCamera
 from contracts.geometry import Heading, Pose
 from contracts.images import encode_depth_units, encode_jpeg
 from contracts.sim import (
@@ -141,7 +143,7 @@ class Episodes:
             labelled = self._labelled
             drawn = await draw(
                 self._renderer,
-                lambda renderer: renderer.render(uploaded, pose, headings, size, labelled=labelled),
+                lambda renderer: renderer.render(uploaded, pose, _cameras(headings, size), labelled=labelled),
             )
             if drawn.ids is not None:
                 seat.labels = _Labels(pose, size, dict(zip(headings, drawn.ids, strict=True)))
@@ -187,15 +189,17 @@ class Episodes:
             missing = tuple(h for h in dict.fromkeys(question.views) if h not in known.views)
             if missing:
                 ids = await draw(
-                    self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, missing, question.size)
+                    self._renderer,
+                    lambda renderer: renderer.render_ids(uploaded, pose, _cameras(missing, question.size)),
                 )
                 known.views.update(zip(missing, ids, strict=True))
                 seat.labels = known
 
             def found() -> Truth:
+                cameras = _cameras(question.views, question.size)
                 views = tuple(
-                    truth_view(ready.scene, ready.mesh, ready.things, pose, heading, known.views[heading])
-                    for heading in question.views
+                    truth_view(ready.scene, ready.mesh, ready.things, pose, camera, known.views[heading])
+                    for camera, heading in zip(cameras, question.views, strict=True)
                 )
                 candidates = [seat.episode.odometry.true(place) for place in question.candidates]
                 remaining_m = ready.way_home.remaining_m(candidates)
@@ -255,3 +259,8 @@ class Episodes:
 
     async def _work(self, job: Callable[..., T], *arguments: object) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._workers, job, *arguments)
+
+
+def _cameras(headings: Sequence[Heading], size: int) -> list[RigCamera]:
+    by_heading = {camera.heading_deg: camera for camera in shipped_rig(DEFAULT_RIG).scaled_to(size).cameras}
+    return [by_heading[heading] for heading in headings]

@@ -5,11 +5,13 @@ Everything comes from the renderer's id pixels (which part is seen in each pixel
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from contracts.geometry import Box, Heading, Point3, Pose
 from contracts.scene import Building, Scene
 from contracts.scene_layout import floor_outline
@@ -17,7 +19,7 @@ from contracts.sim import TruthView, VisibleObject
 from navigation.shortest_path import NoWay, VisibilityGraph
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.judge import Thing, goal_window
-from services.sim.render.views import NEAR_M, project, view_axes
+from services.sim.render.views import NEAR_M, eye_of, project, view_axes
 
 Ids = NDArray[np.uint16]
 """(H, W): the id of the part seen in each pixel, 0 for none."""
@@ -29,9 +31,9 @@ _OUTLINE_PX = 256
 
 
 def truth_view(
-    scene: Scene, mesh: SceneMesh, things: Mapping[str, Thing], pose: Pose, heading: Heading, ids: Ids
+    scene: Scene, mesh: SceneMesh, things: Mapping[str, Thing], pose: Pose, camera: Camera, ids: Ids
 ) -> TruthView:
-    """What one view shows. `ids` as the renderer drew them at `pose` towards `heading`."""
+    """What one camera of a drone at `pose` shows. `ids` as the renderer drew them."""
     parts = len(mesh.parts) + 1
     counts = cv2.calcHist([ids], [0], None, [parts], [0, parts]).ravel()
     objects = []
@@ -41,7 +43,7 @@ def truth_view(
         box = _box_of(ids == thing.part) if pixels else None
         if box is None:
             continue
-        whole = outline_pixels(mesh.triangles_of(thing.part), pose, heading, len(ids))
+        whole = outline_pixels(mesh.triangles_of(thing.part), pose, camera)
         objects.append(
             VisibleObject(
                 id=o.id,
@@ -55,9 +57,9 @@ def truth_view(
             )
         )
     target = ids == mesh.part("building", scene.target).id
-    rows = floor_rows(scene.building(scene.target), pose, heading, target)
+    rows = floor_rows(scene.building(scene.target), pose, camera, target)
     return TruthView(
-        heading_deg=heading,
+        heading_deg=cast(Heading, int(camera.heading_deg)),
         objects=tuple(sorted(objects, key=lambda v: -v.pixels)),
         building_box=_box_of(target),
         floors_visible=len(rows),
@@ -65,41 +67,43 @@ def truth_view(
     )
 
 
-def floor_rows(building: Building, pose: Pose, heading_deg: float, seen: NDArray[np.bool_]) -> list[float]:
-    """The rows (0..1 of the height, lowest floor first) of the floors that one can count in a view.
+def floor_rows(building: Building, pose: Pose, camera: Camera, seen: NDArray[np.bool_]) -> list[float]:
+    """The rows (0..1 of the height, lowest floor first) of the floors that one can count in a level view; none where
+    the camera looks up or down, whose picture's columns are not upright.
 
     Counted up one column of the picture, the one nearest to its middle in which the building is seen at all: there,
     on the facade it meets first, a floor counts when the middle height of its windows lies inside the picture and
     the building is seen at that height somewhere near the column (a lamp post or a tree may stand right before it).
     """
-    size = len(seen)
     columns = np.flatnonzero(seen.any(axis=0))
-    if not len(columns):
+    if camera.pitch_deg or not len(columns):
         return []
-    column = int(columns[np.abs(columns + 0.5 - size / 2).argmin()])
-    right, _, forward = view_axes(pose, heading_deg)
-    ray = forward + (column + 0.5 - size / 2) / (size / 2) * right
-    near = slice(max(0, column - size // 4), column + size // 4 + 1)
+    column = int(columns[np.abs(columns + 0.5 - camera.cx_px).argmin()])
+    right, _, forward = view_axes(pose, camera)
+    x, y, eye_z = eye_of(pose, camera).tolist()
+    ray = forward + (column + 0.5 - camera.cx_px) / camera.fx_px * right
+    aside = int(camera.fx_px / 2)
+    near = slice(max(0, column - aside), column + aside + 1)
     rows = []
     for floor in range(1, building.floors + 1):
-        depth_m = _first_wall_m(floor_outline(building, floor), (pose.x, pose.y), (float(ray[0]), float(ray[1])))
+        depth_m = _first_wall_m(floor_outline(building, floor), (x, y), (float(ray[0]), float(ray[1])))
         if depth_m is None:
             continue
         windows = building.windows
         z = (floor - 1) * building.floor_height_m + windows.sill_m + windows.height_m / 2
-        row = size / 2 - size / 2 * (z - pose.z) / depth_m
-        if 0.0 <= row < size and seen[int(row), near].any():
-            rows.append(row / size)
+        row = camera.cy_px - camera.fy_px * (z - eye_z) / depth_m
+        if 0.0 <= row < camera.height and seen[int(row), near].any():
+            rows.append(row / camera.height)
     return rows
 
 
-def outline_pixels(triangles: NDArray[np.float32], pose: Pose, heading_deg: float, size: int) -> float:
+def outline_pixels(triangles: NDArray[np.float32], pose: Pose, camera: Camera) -> float:
     """How many pixels a thing would cover with nothing before it and a picture without borders.
 
     triangles: (M, 3, 3) metres. Painted alone on a canvas of its own, finer than the picture; what reaches behind
     the camera is left out.
     """
-    corners = project(pose, heading_deg, size, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
+    corners = project(pose, camera, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
     corners = corners[(corners[:, :, 2] > NEAR_M).all(axis=1)][:, :, :2]
     if not len(corners):
         return 0.0

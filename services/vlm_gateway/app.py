@@ -20,6 +20,8 @@ from contracts.vlm_gateway import (
     FindObjectQuestion,
     FloorCountAnswer,
     FloorCountQuestion,
+    PreflightAnswer,
+    PreflightQuestion,
     Question,
 )
 from service_kit.app import create_app, json_response
@@ -93,6 +95,11 @@ def build_app(
         response = json_response(answer)
         response.headers["x-cache"] = answer.cache
         return response
+
+    @app.post("/v1/preflight")
+    async def preflight(question: PreflightQuestion) -> PreflightAnswer:
+        """Before take-off: is there such a model, and can it recognise this object? The model is not run."""
+        return await gateway.preflight(question)
 
     @app.post("/v1/floor-count", response_model=FloorCountAnswer)
     async def floor_count(question: FloorCountQuestion, request: Request) -> Response:

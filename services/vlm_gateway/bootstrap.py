@@ -10,6 +10,7 @@ from service_kit.metrics import HttpMetrics
 from service_kit.settings import BadSetting, revealed
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
+from services.vlm_gateway.backends.extension import ExtensionModelConfig, build_extension
 from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.guard import GuardedCache
@@ -95,6 +96,8 @@ def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMe
         from services.vlm_gateway.backends.oracle import OracleBackend
 
         return OracleBackend(ServiceClient("sim", sim.url or "", token=sim.token), model)
+    if isinstance(model, ExtensionModelConfig):
+        return LazyBackend(alias, model.backend, partial(build_extension, alias, model))
     return ScriptedBackend(load_script(Path(model.script)), name=alias, repeat=model.repeat)
 
 

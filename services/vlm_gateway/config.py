@@ -2,7 +2,7 @@
 
 ```toml
 [models.qwen]                       # an alias of your choice
-backend = "chat"                    # chat | embedded | oracle | scripted
+backend = "chat"                    # chat | embedded | oracle | scripted | what a package brings (docs/extending.md)
 preset = "qwen2.5-vl"               # how the model wants to be asked: presets/families.toml
 server = "vllm"                     # what the server understands: presets/servers.toml
 base_url = "http://127.0.0.1:8000/v1"
@@ -19,11 +19,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 from urllib.parse import urlsplit
 
-from pydantic import Field, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError
 
 from contracts.base import Name, Unit, Wire
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, secret
+from services.vlm_gateway.backends.extension import BUILT_IN, ExtensionModelConfig, extension_backends
 from services.vlm_gateway.presets import BoxOrder, BoxStyle, Family, Server, Structured, families, servers
 
 ROLES: tuple[Role, ...] = ("parser", "floors", "recognition", "choice")
@@ -121,8 +122,18 @@ class ChatModelConfig(_Limits):
     usd_per_million_completion: float = Field(default=0.0, ge=0.0, le=100_000.0)
 
 
+def _variant(model: Any) -> str | None:
+    backend = model.get("backend") if isinstance(model, Mapping) else getattr(model, "backend", None)
+    return backend if backend in BUILT_IN else "extension" if isinstance(backend, str) else None
+
+
 ModelConfig = Annotated[
-    EmbeddedModelConfig | ScriptedModelConfig | OracleModelConfig | ChatModelConfig, Field(discriminator="backend")
+    Annotated[EmbeddedModelConfig, Tag("embedded")]
+    | Annotated[ScriptedModelConfig, Tag("scripted")]
+    | Annotated[OracleModelConfig, Tag("oracle")]
+    | Annotated[ChatModelConfig, Tag("chat")]
+    | Annotated[ExtensionModelConfig, Tag("extension")],
+    Discriminator(_variant),
 ]
 
 
@@ -201,12 +212,14 @@ class ChatModel(Wire):
 
 def load_config(path: Path | None, *, oracle_allowed: bool, noise: OracleNoise = NO_NOISE) -> GatewayConfig:
     """The file's models and roles on top of the defaults: `embedded` for every vision role, and `oracle` as a further
-    alias where it is allowed, as noisy as `noise` says. Raises BadSetting naming file and key."""
+    alias where it is allowed, as noisy as `noise` says, and each back end of an installed package under its own name.
+    Raises BadSetting naming file and key."""
     file = _File() if path is None else _read(path)
     where = str(path)
     models: dict[str, ModelConfig] = {"embedded": EmbeddedModelConfig(backend="embedded")}
     if oracle_allowed:
         models["oracle"] = OracleModelConfig(backend="oracle", noise=noise)
+    models.update({name: ExtensionModelConfig(backend=name) for name in extension_backends()})
     models.update(file.models)
     for alias, model in models.items():
         if isinstance(model, OracleModelConfig) and not oracle_allowed:
@@ -309,7 +322,7 @@ def _read(path: Path) -> _File:
         return _File.model_validate(document)
     except ValidationError as error:
         first = error.errors()[0]
-        kinds = ("embedded", "scripted", "oracle", "chat")
+        kinds = (*BUILT_IN, "extension")
         place = [str(part) for part in first["loc"]]
         if len(place) > 2 and place[0] == "models" and place[2] in kinds:
             del place[2]  # pydantic's name of the variant, which is no key of the file
@@ -317,7 +330,7 @@ def _read(path: Path) -> _File:
         if first["type"] == "extra_forbidden":
             message = f"no such key; there are {', '.join(_keys_beside(document, place))}"
         elif first["type"] in ("union_tag_not_found", "union_tag_invalid"):
-            message = f"backend must be one of {', '.join(kinds)}"
+            message = f"backend must be one of {', '.join((*BUILT_IN, *extension_backends()))}"
         elif first["type"] == "literal_error" and place[0] == "roles":
             message = f"no such role; there are {', '.join(ROLES)}"
         raise BadSetting(f"{path}: {'.'.join(place)}: {message}") from None

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from pydantic import ValidationError
 
-from contracts.vlm_gateway import Answer, CacheResult, Question, Role
+from contracts.vlm_gateway import Answer, CacheResult, PreflightAnswer, PreflightQuestion, Question, Role
 from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.backends.base import Backend, shortened
 from services.vlm_gateway.backends.lazy import LazyBackend
@@ -68,6 +68,20 @@ class Gateway:
         if result == "hit":
             changes["attempts"] = 0
         return answer.model_copy(update=changes)
+
+    async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
+        """Whether a mission can be flown with this model, or with the defaults of the vision roles. Raises BadQuestion
+        where there is no such model or it takes no pictures, ModelUnreachable where it can't be loaded."""
+        seeing = self.alias(question.model, "recognition")
+        for alias in {self.alias(question.model, role) for role in ("floors", "choice")} - {seeing}:
+            await self.backends[alias].preflight(None)
+        why = await self.backends[seeing].preflight(question.object)
+        return PreflightAnswer(
+            model=seeing,
+            backend=self.backends[seeing].kind,
+            known=None if question.object is None else why is None,
+            why=why,
+        )
 
     def alias(self, named: str | None, role: Role) -> str:
         """The alias that answers. Raises BadQuestion, naming the aliases there are."""

@@ -127,6 +127,13 @@ def agreed(reply: Reply[Any]) -> Any:
     return reply.content
 
 
+async def test_before_take_off_it_says_why_it_cannot_see_a_thing_or_nothing(backend: Backend) -> None:
+    assert await backend.preflight(None) is None
+    assert await backend.preflight("green plate") is None
+    why = await backend.preflight("saxophone")
+    assert (why is not None and "saxophone" in why) == (backend.kind == "embedded")
+
+
 async def test_floors_are_a_bounded_count_with_rows_from_the_top(backend: Backend) -> None:
     floors = agreed(await backend.count_floors(FLOORS))
     assert 0 <= floors.count <= 100

@@ -1,11 +1,12 @@
 """What every renderer must do alike: the camera, the depth, the ids. Run over OpenGL and over TinyRenderer."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import cos, pi, radians, sin
 
 import numpy as np
 import pytest
 
+from contracts.cameras import Camera, MountingOffset, pinhole_camera
 from contracts.geometry import Pose
 from contracts.scene import Light
 from services.sim.geometry.mesh import Mesh, concatenate
@@ -15,10 +16,13 @@ from services.sim.geometry.solids import box, ellipsoid, quad
 from services.sim.geometry.textures import base_textures
 from services.sim.render.gl import GlRenderer
 from services.sim.render.tiny import TinyRenderer
-from services.sim.render.views import RenderedViews, Renderer, project
+from services.sim.render.views import RenderedViews, Renderer, eye_of, project, view_axes
+from tests.cameras import square, squares
 
 HEADINGS = (-90, -45, 0, 45, 90)
 SIZE = 160
+FRONT = square(size=SIZE)
+FIVE = squares(HEADINGS, SIZE)
 UNIT_M = 0.002
 
 
@@ -46,18 +50,18 @@ def scene_of(*meshes: Mesh) -> SceneMesh:
     )
 
 
-def seen(renderer: Renderer, scene: SceneMesh, pose: Pose, headings: tuple[float, ...] = (0,)) -> RenderedViews:
+def seen(renderer: Renderer, scene: SceneMesh, pose: Pose, cameras: Sequence[Camera] = (FRONT,)) -> RenderedViews:
     uploaded = renderer.upload(scene)
     try:
-        return renderer.render(uploaded, pose, headings, SIZE)
+        return renderer.render(uploaded, pose, cameras)
     finally:
         uploaded.release()
 
 
-def ids(renderer: Renderer, scene: SceneMesh, pose: Pose, headings: tuple[float, ...] = (0,)) -> np.ndarray:
+def ids(renderer: Renderer, scene: SceneMesh, pose: Pose, cameras: Sequence[Camera] = (FRONT,)) -> np.ndarray:
     uploaded = renderer.upload(scene)
     try:
-        return renderer.render_ids(uploaded, pose, headings, SIZE)
+        return np.stack(renderer.render_ids(uploaded, pose, cameras))
     finally:
         uploaded.release()
 
@@ -93,19 +97,75 @@ def test_a_point_appears_where_the_pinhole_puts_it(renderer: Renderer, heading: 
     pose = Pose(x=1, y=2, z=6, yaw=2.1)
     a = pose.yaw - radians(heading) - 0.2
     place = np.array([pose.x + 9 * cos(a), pose.y + 9 * sin(a), 8.0])
-    view = ids(renderer, scene_of(box((0.5, 0.5, 0.5), place.tolist())), pose, (heading,))[0]
+    view = ids(renderer, scene_of(box((0.5, 0.5, 0.5), place.tolist())), pose, [square(heading, SIZE)])[0]
     rows, columns = np.nonzero(view)
-    x, y, _ = project(pose, heading, SIZE, place[None])[0]
+    x, y, _ = project(pose, square(heading, SIZE), place[None])[0]
     assert abs(columns.mean() + 0.5 - x) < 0.7
     assert abs(rows.mean() + 0.5 - y) < 0.7
     assert x > SIZE / 2  # clockwise from the axis is right
     assert y < SIZE / 2
 
 
+ODD = Camera(
+    name="odd",
+    width=200,
+    height=120,
+    fx_px=70.0,
+    fy_px=90.0,
+    cx_px=80.0,
+    cy_px=75.0,
+    heading_deg=-30.0,
+    pitch_deg=25.0,
+    offset=MountingOffset(forward_m=0.3, right_m=-0.2, up_m=0.15),
+)
+
+
+@pytest.mark.parametrize(("x_px", "y_px"), [(20.0, 20.0), (170.0, 40.0), (60.0, 100.0)])
+def test_any_pinhole_anywhere_on_the_drone_shows_a_point_where_its_numbers_say(
+    renderer: Renderer, x_px: float, y_px: float
+) -> None:
+    pose = Pose(x=1, y=2, z=6, yaw=2.1)
+    right, up, forward = view_axes(pose, ODD)
+    ray = forward + (x_px - ODD.cx_px) / ODD.fx_px * right - (y_px - ODD.cy_px) / ODD.fy_px * up
+    place = eye_of(pose, ODD) + 9.0 * ray
+    pictures = seen(renderer, scene_of(ellipsoid(0.25, place.tolist(), 24, 16)), pose, [ODD, FRONT])
+    assert [picture.shape for picture in pictures.rgb] == [(120, 200, 3), (SIZE, SIZE, 3)]
+    rows, columns = np.nonzero(np.isfinite(pictures.depth_m()[0]))
+    assert columns.mean() + 0.5 == pytest.approx(x_px, abs=1.0)
+    assert rows.mean() + 0.5 == pytest.approx(y_px, abs=1.0)
+    assert pictures.depth_m()[0][rows, columns].min() == pytest.approx(9.0, abs=0.3)
+    assert project(pose, ODD, place[None])[0] == pytest.approx([x_px, y_px, 9.0])
+
+
+def test_a_camera_that_looks_up_sees_what_hangs_there_and_the_sky_round_it(renderer: Renderer) -> None:
+    up = square(size=SIZE).model_copy(update={"pitch_deg": 90.0})
+    pose = Pose(x=0, y=0, z=3, yaw=0.3)
+    view = seen(renderer, scene_of(box((2, 2, 1), (0, 0, 8.5))), pose, [up])
+    depth = view.depth_m()[0]
+    assert depth[SIZE // 2, SIZE // 2] == pytest.approx(5.0, abs=2 * UNIT_M)
+    assert np.isinf(depth[0]).all()
+    assert view.rgb[0][0].min() > 60  # daylight
+    # the picture's upper edge is behind the drone's head: what stands there is seen at the top
+    behind = seen(renderer, scene_of(box((1, 1, 1), (-4 * cos(0.3), -4 * sin(0.3), 9.5))), pose, [up])
+    rows, _ = np.nonzero(np.isfinite(behind.depth_m()[0]))
+    assert rows.mean() < SIZE / 2
+
+
+def test_the_sky_is_the_same_in_a_view_that_sees_higher() -> None:
+    gl = GlRenderer()
+    usual = square(size=SIZE)
+    taller = usual.model_copy(update={"height": 2 * SIZE, "cy_px": usual.cy_px + SIZE})
+    uploaded = gl.upload(scene_of(box((1, 1, 1), (6, 0, -2))))
+    low, high = gl.render(uploaded, Pose(x=0, y=0, z=2, yaw=0.4), [usual, taller]).rgb
+    difference = np.abs(high[SIZE : SIZE + SIZE // 2].astype(int) - low[: SIZE // 2].astype(int))
+    assert difference.mean() < 1.0
+    gl.close()
+
+
 def test_positive_headings_look_to_the_right(renderer: Renderer) -> None:
     north = Pose(x=0, y=0, z=2, yaw=pi / 2)
     scene = scene_of(box((1, 1, 1), (6, 0, 2)), box((1, 1, 1), (-6, 0, 2)))
-    view = ids(renderer, scene, north, (90, -90))
+    view = ids(renderer, scene, north, squares((90, -90), SIZE))
     assert set(np.unique(view[0])) == {0, 1}  # east
     assert set(np.unique(view[1])) == {0, 2}  # west
 
@@ -114,7 +174,7 @@ def test_where_nothing_stands_the_depth_is_infinite_and_the_id_0(renderer: Rende
     pose = Pose(x=0, y=0, z=2, yaw=0.0)
     scene = scene_of(box((1, 1, 1), (6, 0, 2)))
     view, part = seen(renderer, scene, pose), ids(renderer, scene, pose)
-    assert (np.isinf(view.depth_m()) == (part == 0)).all()
+    assert (np.isinf(view.depth_m()[0]) == (part[0] == 0)).all()
     assert (part == 1).any()
 
 
@@ -131,34 +191,35 @@ def test_the_same_scene_and_pose_give_the_same_bytes_again_and_after_another_upl
     pose = Pose(x=-8, y=0.5, z=3, yaw=0.1)
     scene = scene_of(box((3, 5, 4), (0, 0, 2), "#a05030", base_textures().layer("brick")), ellipsoid(1.2, (-2, 3, 3)))
     other = scene_of(box((9, 9, 9), (0, 0, 0), "#1020f0"))
-    first = seen(renderer, scene, pose, HEADINGS)
-    seen(renderer, other, pose, HEADINGS)
-    again = seen(renderer, scene, pose, HEADINGS)
-    assert first.rgb.tobytes() == again.rgb.tobytes()
-    assert first.depth_units.tobytes() == again.depth_units.tobytes()
+    first = seen(renderer, scene, pose, FIVE)
+    seen(renderer, other, pose, FIVE)
+    again = seen(renderer, scene, pose, FIVE)
+    assert np.array_equal(first.rgb, again.rgb)
+    assert np.array_equal(first.depth_units, again.depth_units)
 
 
 def test_ids_beside_the_pictures_are_the_ids_alone_and_change_no_picture(renderer: Renderer) -> None:
     pose = Pose(x=-8, y=0.5, z=3, yaw=0.1)
     scene = scene_of(box((30, 30, 1), (0, 0, -0.5)), box((3, 5, 4), (0, 0, 2)), ellipsoid(1.2, (-2, 3, 3)))
     uploaded = renderer.upload(scene)
-    plain = renderer.render(uploaded, pose, HEADINGS, SIZE)
-    labelled = renderer.render(uploaded, pose, HEADINGS, SIZE, labelled=True)
+    plain = renderer.render(uploaded, pose, FIVE)
+    labelled = renderer.render(uploaded, pose, FIVE, labelled=True)
     assert plain.ids is None
     assert labelled.ids is not None
     assert set(np.unique(labelled.ids)) == {0, 1, 2, 3}
-    assert (labelled.ids == renderer.render_ids(uploaded, pose, HEADINGS, SIZE)).all()
-    assert labelled.rgb.tobytes() == plain.rgb.tobytes()
-    assert labelled.depth_units.tobytes() == plain.depth_units.tobytes()
+    assert np.array_equal(labelled.ids, renderer.render_ids(uploaded, pose, FIVE))
+    assert np.array_equal(labelled.rgb, plain.rgb)
+    assert np.array_equal(labelled.depth_units, plain.depth_units)
     uploaded.release()
 
 
 def test_sizes_and_counts_beyond_the_limits_are_refused(renderer: Renderer) -> None:
     uploaded = renderer.upload(scene_of(box((1, 1, 1))))
     pose = Pose(x=-5, y=0, z=0, yaw=0)
-    for headings, size in (((0,), 5000), ((0,), 0), ((), 100), ((0,) * 9, 100)):
+    wide = pinhole_camera("wide", 4096, 1024, horizontal_fov_deg=120.0)
+    for cameras in ([square(size=2000)], [wide], [], squares([0.0] * 17, 100)):
         with pytest.raises(ValueError, match="can be drawn"):
-            renderer.render(uploaded, pose, headings, size)
+            renderer.render(uploaded, pose, cameras)
     uploaded.release()
 
 
@@ -168,9 +229,9 @@ def test_both_renderers_see_the_same_silhouettes_and_depths() -> None:
     )
     pose = Pose(x=0, y=0, z=3, yaw=0.1)
     gl, tiny = GlRenderer(), TinyRenderer()
-    a, b = ids(gl, scene, pose, HEADINGS), ids(tiny, scene, pose, HEADINGS)
+    a, b = ids(gl, scene, pose, FIVE), ids(tiny, scene, pose, FIVE)
     assert (a != b).mean() < 0.001
-    da, db = (seen(r, scene, pose, HEADINGS).depth_m() for r in (gl, tiny))
+    da, db = (np.stack(seen(r, scene, pose, FIVE).depth_m()) for r in (gl, tiny))
     near = (a == b) & (da < 60)
     # the software renderer's depth buffer loses digits with the distance
     assert (np.abs(da[near] - db[near]) <= 0.004 + 0.0005 * da[near]).mean() > 0.999

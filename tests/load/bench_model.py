@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Pose
+from contracts.geometry import Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.scene import Scene
 from services.sim.bootstrap import build_scene
@@ -33,7 +33,7 @@ from services.vlm_gateway.backends.base import Picture
 from services.vlm_gateway.backends.embedded import JpegShot
 from services.vlm_gateway.embedded.exported import FOLDER
 from services.vlm_gateway.embedded.model import EmbeddedModel
-from tests.load.bench_sim import SAMPLE, SIZE, scene_of
+from tests.load.bench_sim import CAMERAS, SAMPLE, SIZE, scene_of
 
 MARK_MS = 150.0
 PHRASE, OTHER_PHRASE = "green flower pot", "red kite"
@@ -80,11 +80,11 @@ def measure(scene: Scene, rounds: int, tick: Callable[[str], None], weights: Pat
         renderer = choose_renderer()
         stack.callback(renderer.close)
         uploaded = renderer.upload(mesh)
-        model = EmbeddedModel(weights, remembered=len(VIEW_HEADINGS_DEG))
+        model = EmbeddedModel(weights, remembered=len(CAMERAS))
         took: dict[str, list[Clocked]] = {"render": [], "model": [], "decode": [], "next": []}
         for number in range(rounds + 1):
             tick(f"round {number} of {rounds}" if number else "warming up")
-            drawn = clocked(lambda: renderer.render(uploaded, pose, VIEW_HEADINGS_DEG, SIZE))
+            drawn = clocked(lambda: renderer.render(uploaded, pose, CAMERAS))
             # another quality each round makes another file of the same picture: nothing is remembered
             files = [jpeg_bytes(encode_jpeg(rgb, 80 + number % 16)) for rgb in drawn.result.rgb]
             shots = [JpegShot(Picture(file, SIZE, SIZE)) for file in files]

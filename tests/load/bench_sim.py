@@ -27,7 +27,8 @@ import pybullet
 from rich.console import Console
 from rich.table import Table
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Pose
+from contracts.cameras import shipped_rig
+from contracts.geometry import Pose
 from contracts.images import decode_depth, decode_jpeg
 from contracts.orchestrator import Sample
 from contracts.scene import Scene
@@ -40,7 +41,8 @@ from services.sim.render.views import view_axes
 from tests.load.processes import service
 
 SAMPLE = Path(__file__).parents[2] / "orchestrator" / "samples" / "green-flower-pot.json"
-SIZE = 800
+CAMERAS = shipped_rig("paper-five").cameras
+SIZE = CAMERAS[0].width
 GOAL_IN_PROCESS = 8.0
 GOAL_OVER_HTTP = 6.0
 
@@ -77,8 +79,8 @@ class TinyLoop:
     def __call__(self, pose: Pose) -> None:
         lens = pybullet.computeProjectionMatrixFOV(90.0, 1.0, 0.1, 400.0)
         eye = (pose.x, pose.y, pose.z)
-        for heading in VIEW_HEADINGS_DEG:
-            ahead = view_axes(pose, heading)[2]
+        for camera in CAMERAS:
+            ahead = view_axes(pose, camera)[2]
             target = [a + b for a, b in zip(eye, ahead, strict=True)]
             view = pybullet.computeViewMatrix(eye, target, (0, 0, 1))
             pybullet.getCameraImage(
@@ -138,7 +140,7 @@ def measure(scene: Scene, rounds: int, tick: Callable[[str], None]) -> Figures:
         pose = door.pose
         ways: dict[str, Callable[[], Any]] = {
             "tiny": lambda: tiny(pose),
-            "in_process": lambda: renderer.render(uploaded, pose, VIEW_HEADINGS_DEG, SIZE),
+            "in_process": lambda: renderer.render(uploaded, pose, CAMERAS),
             "http": door.observe,
         }
         took: dict[str, list[float]] = {name: [] for name in (*ways, "render", "encode", "decode")}

@@ -50,6 +50,8 @@ from contracts.vlm_gateway import (
     FloorCountAnswer,
     FloorCountQuestion,
     Match,
+    PreflightAnswer,
+    PreflightQuestion,
 )
 from mission.episodes import EpisodeTrial
 from mission.placement import InTrial
@@ -264,11 +266,17 @@ def axes(pose: Pose, heading: Heading) -> tuple[NDArray[np.float64], NDArray[np.
 @dataclass
 class BlockVision:
     """Answers from geometry. `says` overrides single answers by method name, in order; null passes one through; an
-    exception is raised."""
+    exception is raised. `unknown` are things that it has never learnt to see."""
 
     world: BlockWorld
     says: dict[str, list[Answer | Exception | None]] = field(default_factory=dict)
     asked: list[str] = field(default_factory=list)
+    unknown: frozenset[str] = frozenset()
+
+    async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
+        known = None if question.object is None else question.object not in self.unknown
+        why = f"{question.object} is not among the things it has learnt" if known is False else None
+        return self._said("preflight", PreflightAnswer(model="geometry", backend="scripted", known=known, why=why))
 
     async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
         pose, block = self._pose("floor_count", question.oracle_episode), self.world.block

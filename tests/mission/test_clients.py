@@ -10,17 +10,18 @@ from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
 from mission.clients import Services
-from mission.ports import ModelUnreachable, ServiceRefused
+from mission.ports import ModelUnreachable, ServiceRefused, ServiceUnreachable
 from service_kit.addresses import Addresses
 from service_kit.app import create_app
 from service_kit.errors import ServiceError
 
 PICTURE = encode_jpeg(np.zeros((64, 64, 3), np.uint8))
-TROUBLE = ["model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"]
+TROUBLE = ["unknown_model", "model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"]
 
 
 def told(code: str) -> ServiceError:
-    return ServiceError("the server said: context too long", code=code, status=502)
+    status = {"unauthorised": 401, "forbidden": 403}.get(code, 502)
+    return ServiceError("the server said: context too long", code=code, status=status)
 
 
 def refusing() -> FastAPI:
@@ -50,6 +51,14 @@ async def test_a_model_that_did_not_answer_is_unreachable_whatever_the_reason(co
     with pytest.raises(ModelUnreachable, match=rf"vlm_gateway: the server said: context too long \({code}\)"):
         await services.ports().vision.floor_count(FloorCountQuestion(model=code, image=PICTURE))
     with pytest.raises(ModelUnreachable, match=rf"llm_parser: .*\({code}\)"):
+        await services.ports().parser.parse(ParseQuestion(request="floor 3", model=code))
+
+
+@pytest.mark.parametrize("code", ["unauthorised", "forbidden"])
+async def test_a_service_that_refuses_our_token_says_which_variable_to_set(code: str, services: Services) -> None:
+    with pytest.raises(ServiceUnreachable, match=r"vlm_gateway refuses our token .*set GATEWAY_TOKEN or"):
+        await services.ports().vision.floor_count(FloorCountQuestion(model=code, image=PICTURE))
+    with pytest.raises(ServiceUnreachable, match=r"llm_parser refuses our token .*set LLM_PARSER_TOKEN or"):
         await services.ports().parser.parse(ParseQuestion(request="floor 3", model=code))
 
 

@@ -14,6 +14,7 @@ from contracts.scene import FreePlace, Scene, SceneObject
 from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, FloorCountQuestion, Match
 from mission.mission import Mission
 from mission.ports import ModelUnreachable, Ports, ServiceUnreachable
+from mission.wording import with_article
 from tests.mission.box_world import (
     WHO,
     Block,
@@ -202,6 +203,27 @@ async def test_a_service_that_cannot_be_reached_is_told_from_a_model() -> None:
     world = BlockWorld()
     vision = BlockVision(world, {"find_object": [ServiceUnreachable("vlm_gateway: nobody there")]})
     assert (await fly(world, vision=vision)).outcome == "service_unreachable"
+
+
+async def test_a_thing_that_the_model_has_never_learnt_is_told_before_take_off() -> None:
+    world = BlockWorld()
+    thing = (await fly(world)).object
+    assert thing is not None
+    world = BlockWorld()
+    vision = BlockVision(world, unknown=frozenset({thing}))
+    result = await fly(world, vision=vision)
+    assert result.outcome == "object_unknown"
+    assert f"did not take off: it has never learnt to recognise {with_article(thing)}" in result.message
+    assert "name another thing at the window" in result.message
+    assert (result.path_m, result.steps, vision.asked, world.ended) == (0.0, 0, [], [])
+
+
+async def test_a_model_that_there_is_not_ends_the_mission_before_take_off() -> None:
+    world = BlockWorld()
+    vision = BlockVision(world, {"preflight": [ModelUnreachable("vlm_gateway: no model 'qwen'; there are embedded")]})
+    result = await fly(world, vision=vision)
+    assert (result.outcome, result.path_m, vision.asked) == ("model_unreachable", 0.0, [])
+    assert "there are embedded" in result.message
 
 
 async def test_an_unreadable_floor_count_is_asked_again_from_a_different_look_and_then_given_up() -> None:

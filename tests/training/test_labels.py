@@ -18,10 +18,11 @@ from services.sim.render.views import project
 from services.sim.scenes import make_ready
 from services.sim.truth import truth_view
 from training.labels import STRIDE, Labeller, Labels
-from training.render import SIZE_PX, colour_numbers, kind_numbers
+from training.render import SIZE_PX, colour_numbers, kind_numbers, view_camera
 from training.shards import read, write
 
 OFF_M, HEIGHT_M = 8.0, 4.6
+FRONT = view_camera(0.0)
 POSE = Pose(x=0.0, y=-6.0 - OFF_M, z=HEIGHT_M, yaw=math.pi / 2)
 
 
@@ -55,13 +56,13 @@ def small_scene() -> Scene:
 @pytest.fixture(scope="module")
 def labelled() -> Labelled:
     ready = make_ready(small_scene(), build_scene)
-    renderer = GlRenderer(max_views=1)
+    renderer = GlRenderer()
     try:
-        ids = renderer.render_ids(renderer.upload(ready.mesh), POSE, (0,), SIZE_PX)[0]
+        ids = renderer.render_ids(renderer.upload(ready.mesh), POSE, [FRONT])[0]
     finally:
         renderer.close()
-    labels = Labeller(ready.scene, ready.mesh, kind_numbers(), colour_numbers()).of(POSE, 0, ids)
-    return Labelled(ready.scene, labels, truth_view(ready.scene, ready.mesh, ready.things, POSE, 0, ids))
+    labels = Labeller(ready.scene, ready.mesh, kind_numbers(), colour_numbers()).of(POSE, FRONT, ids)
+    return Labelled(ready.scene, labels, truth_view(ready.scene, ready.mesh, ready.things, POSE, FRONT, ids))
 
 
 def test_the_thing_is_what_the_simulator_says_it_is(labelled: Labelled) -> None:
@@ -80,7 +81,7 @@ def test_the_thing_is_what_the_simulator_says_it_is(labelled: Labelled) -> None:
 def test_windows_lie_where_the_layout_puts_them_and_piers_are_wall(labelled: Labelled) -> None:
     house = labelled.scene.buildings[0]
     slots = [s for s in window_slots(house) if s.facade == 0]
-    pixels = project(POSE, 0, SIZE_PX, np.array([s.centre for s in slots]))
+    pixels = project(POSE, FRONT, np.array([s.centre for s in slots]))
     pier_px = round(house.windows.pitch_m / 2 / OFF_M * SIZE_PX / 2)
     seen = 0
     for slot, (x, y, _) in zip(slots, pixels, strict=True):

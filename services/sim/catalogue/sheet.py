@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import pinhole_camera
 from contracts.geometry import Pose
 from contracts.scene import Light
 from contracts.sim import CatalogueEntry
@@ -68,11 +69,12 @@ def portrait(
     away = distance_m or 3.0 * float(np.linalg.norm(high - low)) / 2
     a, e = radians(azimuth_deg), radians(elevation_deg)
     eye = middle + away * np.array([cos(a) * cos(e), sin(a) * cos(e), sin(e)])
+    camera = pinhole_camera("portrait", size, size, horizontal_fov_deg=90.0)
     scene = renderer.upload(alone(mesh, textures))
     try:
         pose = Pose(x=eye[0], y=eye[1], z=eye[2], yaw=a + pi)
-        picture = renderer.render(scene, pose, (0.0,), size).rgb[0]
-        seen = renderer.render_ids(scene, pose, (0.0,), size)[0] == 1
+        picture = renderer.render(scene, pose, [camera]).rgb[0]
+        seen = renderer.render_ids(scene, pose, [camera])[0] == 1
     finally:
         scene.release()
     return Portrait(picture, seen)

@@ -8,23 +8,23 @@ from services.sim.render.views import Renderer
 Preference = Literal["auto", "moderngl", "tiny"]
 
 
-def choose_renderer(preference: Preference = "auto", max_size: int = 1600, max_views: int = 5) -> Renderer:
+def choose_renderer(preference: Preference = "auto") -> Renderer:
     """OpenGL where a context can be had, TinyRenderer otherwise; `detail` of the result says why.
 
     Raises NoGlContext where `moderngl` is asked for and can't be had.
     """
     if preference == "tiny":
-        return _tiny("asked for by the settings", max_size, max_views)
+        return _tiny("asked for by the settings")
     try:
-        return GlRenderer(max_size, max_views)
+        return GlRenderer()
     except NoGlContext as error:
         if preference == "moderngl":
             raise
-        return _tiny(str(error), max_size, max_views)
+        return _tiny(str(error))
 
 
-def _tiny(reason: str, max_size: int, max_views: int) -> Renderer:
+def _tiny(reason: str) -> Renderer:
     # PyBullet prints to stdout when it is imported: only where it is needed
     from services.sim.render.tiny import TinyRenderer
 
-    return TinyRenderer(reason, max_size, max_views)
+    return TinyRenderer(reason)

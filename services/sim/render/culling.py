@@ -7,6 +7,7 @@ software every vertex and every triangle costs, drawn or not. What is left out w
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from services.sim.geometry.scene_mesh import SceneMesh
 
 RUN = 48
@@ -65,18 +66,32 @@ class Seen:
     ) -> None:
         self._eye, self._low, self._high, self._faces, self._runs = eye, low, high, faces, runs
 
-    def towards(self, axes: NDArray[np.float64]) -> NDArray[np.uint32]:
-        """(M, 3): the faces in a 90-degree view, `axes` as in `view_axes`; the nearest chunk first, and within a
+    def towards(self, axes: NDArray[np.float64], camera: Camera) -> NDArray[np.uint32]:
+        """(M, 3): the faces in the camera's picture, `axes` as in `view_axes`; the nearest chunk first, and within a
         chunk in the order in which they were built."""
-        return self._faces[inside(self._low, self._high, self._eye, axes)[self._runs]]
+        return self._faces[inside(self._low, self._high, self._eye, axes, camera)[self._runs]]
 
 
 def inside(
-    low: NDArray[np.float64], high: NDArray[np.float64], eye: NDArray[np.float64], axes: NDArray[np.float64]
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    eye: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    camera: Camera,
 ) -> NDArray[np.bool_]:
-    """(C,) whether the boxes low..high ((C, 3) each) reach into a 90-degree view."""
+    """(C,) whether the boxes low..high ((C, 3) each) reach into the camera's picture."""
     right, up, forward = axes
-    planes = np.stack([forward, forward - right, forward + right, forward - up, forward + up])
+    to_right, to_left = (camera.width - camera.cx_px) / camera.fx_px, camera.cx_px / camera.fx_px
+    to_top, to_bottom = camera.cy_px / camera.fy_px, (camera.height - camera.cy_px) / camera.fy_px
+    planes = np.stack(
+        [
+            forward,
+            to_right * forward - right,
+            to_left * forward + right,
+            to_top * forward - up,
+            to_bottom * forward + up,
+        ]
+    )
     # a box is outside when even its corner farthest along a plane's normal is behind that plane
     centre, half = (low + high) / 2 - eye, (high - low) / 2
     return np.asarray((centre @ planes.T + half @ np.abs(planes).T >= 0).all(axis=1))

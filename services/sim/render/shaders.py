@@ -90,9 +90,8 @@ void main() {
 }
 """
 
-# the whole sky is painted once for each scene: u runs round the horizon, v up to the slope that a view can reach
-PANORAMA_FRAGMENT = """
-#version 430
+# the sky's colour in a direction; shared by the painting that level views look at and by views that look up past it
+_SKY_COLOUR = """
 uniform sampler2DArray surface;
 uniform float cloud_layer;
 uniform vec3 zenith;
@@ -102,11 +101,7 @@ uniform float cover;
 uniform vec3 sun;
 uniform vec3 glow;
 uniform vec2 slopes;
-in vec2 at_panorama;
-out vec4 colour;
-void main() {
-    float azimuth = at_panorama.x * 6.283185307;
-    vec3 d = normalize(vec3(cos(azimuth), sin(azimuth), mix(slopes.x, slopes.y, at_panorama.y)));
+vec3 sky(vec3 d) {
     float up = max(d.z, 0.0);
     float low = 1.0 - up;
     vec3 c = mix(zenith, horizon, low * low * low);
@@ -116,9 +111,44 @@ void main() {
     vec2 at = d.xy / (up + 0.16);
     float density = textureLod(surface, vec3(at * 0.11 + 0.37, cloud_layer), 0.0).r;
     float inside = smoothstep(1.0 - cover, 1.25 - cover, density) * smoothstep(0.02, 0.22, up);
-    c = mix(c, cloud * (0.86 + 0.14 * density), inside * 0.85);
-    colour = vec4(sqrt(c), 1.0);
+    return sqrt(mix(c, cloud * (0.86 + 0.14 * density), inside * 0.85));
 }
+"""
+
+# the sky is painted once for each scene: u runs round the horizon, v up to the slope that a level view can reach
+PANORAMA_FRAGMENT = f"""
+#version 430
+{_SKY_COLOUR}
+in vec2 at_panorama;
+out vec4 colour;
+void main() {{
+    float azimuth = at_panorama.x * 6.283185307;
+    colour = vec4(sky(normalize(vec3(cos(azimuth), sin(azimuth), mix(slopes.x, slopes.y, at_panorama.y)))), 1.0);
+}}
+"""
+
+# views that look up past the painting: the sky's colour pixel by pixel; below the horizon its lowest row goes on
+DOME_VERTEX = """
+#version 430
+uniform mat3 rays;
+in vec2 in_corner;
+out vec3 ray;
+void main() {
+    gl_Position = vec4(in_corner, 1.0, 1.0);
+    ray = rays * vec3(in_corner, 1.0);
+}
+"""
+
+DOME_FRAGMENT = f"""
+#version 430
+{_SKY_COLOUR}
+in vec3 ray;
+layout(location = 0) out vec4 colour;
+layout(location = 1) out uint depth_units;
+void main() {{
+    colour = vec4(sky(normalize(vec3(ray.xy, max(ray.z, slopes.x * length(ray.xy))))), 1.0);
+    depth_units = 65535u;
+}}
 """
 
 SKY_VERTEX = """
@@ -145,9 +175,12 @@ void main() {
 }
 """
 
-LABELLED_SKY_FRAGMENT = SKY_FRAGMENT.replace(
-    "out uint depth_units;", "out uint depth_units;\nlayout(location = 2) out uint ids;"
-).replace("    depth_units = ", "    ids = 0u;\n    depth_units = ")
+LABELLED_SKY_FRAGMENT, LABELLED_DOME_FRAGMENT = (
+    fragment.replace("out uint depth_units;", "out uint depth_units;\nlayout(location = 2) out uint ids;").replace(
+        "    depth_units = ", "    ids = 0u;\n    depth_units = "
+    )
+    for fragment in (SKY_FRAGMENT, DOME_FRAGMENT)
+)
 
 IDS_VERTEX = """
 #version 430

@@ -16,12 +16,13 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.light import WEATHER, sun_direction
-from services.sim.render.views import RenderedViews, view_axes
+from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
 
 NEAR_M, FAR_M = 0.1, 400.0
 _CELL = 64
@@ -78,65 +79,62 @@ class TinyRenderer:
 
     name: Literal["moderngl", "tiny"] = "tiny"
 
-    def __init__(self, reason: str = "asked for", max_size: int = 1600, max_views: int = 5) -> None:
+    def __init__(self, reason: str = "asked for") -> None:
         self.detail = f"tiny (PyBullet TinyRenderer): {reason}"
-        self._max_size, self._max_views = max_size, max_views
 
     def upload(self, scene: SceneMesh) -> TinyScene:
         return TinyScene(scene)
 
     def render(
-        self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int, *, labelled: bool = False
+        self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False
     ) -> RenderedViews:
-        """Pictures and depth of each view, ids where asked for. Raises ValueError beyond the limits."""
-        self._check(headings_deg, size)
-        shape = (len(headings_deg), size, size)
-        rgb, depth = np.empty((*shape, 3), np.uint8), np.empty(shape, np.uint16)
-        ids = np.empty(shape, np.uint16) if labelled else None
-        for i, heading in enumerate(headings_deg):
-            colour, buffer, bodies = _picture(uploaded, pose, heading, size)
+        """Picture and depth of each camera, ids where asked for. Raises ValueError beyond the limits."""
+        check_cameras(cameras)
+        rgb, depth, ids = [], [], []
+        for camera in cameras:
+            colour, buffer, bodies = _picture(uploaded, pose, camera)
             hit = buffer < 1.0
             metres = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * buffer)
             units = np.clip(np.rint(metres / DEPTH_METRES_PER_UNIT), 1, NO_RETURN)
-            depth[i] = np.where(hit, units, NO_RETURN)
-            rgb[i] = np.where(hit[..., None], colour, _sky(uploaded.scene, size))
-            if ids is not None:
-                ids[i] = uploaded.part_of_body[bodies]
-        return RenderedViews(rgb, depth, ids)
+            depth.append(np.where(hit, units, NO_RETURN).astype(np.uint16))
+            rgb.append(np.where(hit[..., None], colour, _sky(uploaded.scene, camera)).astype(np.uint8))
+            ids.append(uploaded.part_of_body[bodies])
+        return RenderedViews(tuple(rgb), tuple(depth), tuple(ids) if labelled else None)
 
-    def render_ids(
-        self, uploaded: TinyScene, pose: Pose, headings_deg: Sequence[float], size: int
-    ) -> NDArray[np.uint16]:
-        """(V, H, W) ids of parts. Raises ValueError beyond the limits."""
-        self._check(headings_deg, size)
-        return np.stack([uploaded.part_of_body[_picture(uploaded, pose, h, size)[2]] for h in headings_deg])
+    def render_ids(self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera]) -> tuple[NDArray[np.uint16], ...]:
+        """(H, W) ids of parts of each camera. Raises ValueError beyond the limits."""
+        check_cameras(cameras)
+        return tuple(uploaded.part_of_body[_picture(uploaded, pose, camera)[2]] for camera in cameras)
 
     def close(self) -> None:
         """Nothing is held beyond the scenes, which release themselves."""
 
-    def _check(self, headings_deg: Sequence[float], size: int) -> None:
-        if not 1 <= size <= self._max_size or not 1 <= len(headings_deg) <= self._max_views:
-            raise ValueError(
-                f"asked for {len(headings_deg)} views of {size} px; 1..{self._max_views} views "
-                f"of 1..{self._max_size} px can be drawn"
-            )
-
 
 def _picture(
-    uploaded: TinyScene, pose: Pose, heading: float, size: int
+    uploaded: TinyScene, pose: Pose, camera: Camera
 ) -> tuple[NDArray[np.uint8], NDArray[np.float64], NDArray[np.int64]]:
     """Colours (H, W, 3), depth buffer (H, W) 0..1 and bodies (H, W), -1 for none."""
-    eye = np.array([pose.x, pose.y, pose.z])
-    forward = view_axes(pose, heading)[2]
+    eye = eye_of(pose, camera)
+    _, up, forward = view_axes(pose, camera)
     light = uploaded.scene.light
     weather = WEATHER[light.sky]
-    view = pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), (0, 0, 1))
-    lens = list(pybullet.computeProjectionMatrixFOV(90.0, 1.0, NEAR_M, FAR_M))
+    width, height = camera.width, camera.height
+    view = pybullet.computeViewMatrix(eye.tolist(), (eye + forward).tolist(), up.tolist())
+    lens = list(
+        pybullet.computeProjectionMatrix(
+            -camera.cx_px / camera.fx_px * NEAR_M,
+            (width - camera.cx_px) / camera.fx_px * NEAR_M,
+            -(height - camera.cy_px) / camera.fy_px * NEAR_M,
+            camera.cy_px / camera.fy_px * NEAR_M,
+            NEAR_M,
+            FAR_M,
+        )
+    )
     # TinyRenderer samples a pixel at its lower left corner: move the picture half a pixel, so that centres are hit
-    lens[8] = lens[9] = 1 / size
+    lens[8], lens[9] = lens[8] + 1 / width, lens[9] + 1 / height
     _, _, rgba, depth, bodies = pybullet.getCameraImage(
-        size,
-        size,
+        width,
+        height,
         view,
         lens,
         lightDirection=(sun_direction(light) * 100).tolist(),
@@ -149,20 +147,27 @@ def _picture(
         physicsClientId=uploaded.client,
     )
     return (
-        np.asarray(rgba, np.uint8).reshape(size, size, 4)[..., :3],
-        np.asarray(depth, np.float64).reshape(size, size),
-        np.asarray(bodies, np.int64).reshape(size, size),
+        np.asarray(rgba, np.uint8).reshape(height, width, 4)[..., :3],
+        np.asarray(depth, np.float64).reshape(height, width),
+        np.asarray(bodies, np.int64).reshape(height, width),
     )
 
 
-def _sky(scene: SceneMesh, size: int) -> NDArray[np.uint8]:
-    """(size, 1, 3): from the horizon in the middle row upwards."""
+def _sky(scene: SceneMesh, camera: Camera) -> NDArray[np.uint8]:
+    """(H, W, 3) for a camera that looks up or down, (H, 1, 3) for a level one, where the middle column stands for all:
+    by the height over the horizon."""
     weather = WEATHER[scene.light.sky]
-    rise = np.clip((size / 2 - np.arange(size) - 0.5) / (size / 2), 0, 1)[:, None]
-    up = rise / np.sqrt(1 + rise**2)
-    share = 1 - (1 - up) ** 3
+    rise = (camera.cy_px - np.arange(camera.height) - 0.5)[:, None] / camera.fy_px
+    if camera.pitch_deg:
+        aside = (np.arange(camera.width) + 0.5 - camera.cx_px)[None, :] / camera.fx_px
+        right, up, forward = view_axes(Pose(x=0.0, y=0.0, z=0.0, yaw=0.0), camera)
+        rays = forward + aside[..., None] * right + rise[..., None] * up
+        rise = rays[..., 2] / np.maximum(np.hypot(rays[..., 0], rays[..., 1]), 1e-9)
+    rise = np.clip(rise, 0.0, None)
+    high = (rise / np.sqrt(1 + rise**2))[..., None]
+    share = 1 - (1 - high) ** 3
     colour = np.array(weather.horizon) * (1 - share) + np.array(weather.zenith) * share
-    return np.asarray(np.rint(np.sqrt(colour) * 255), np.uint8)[:, None, :]
+    return np.asarray(np.rint(np.sqrt(colour) * 255), np.uint8)
 
 
 def _one_colour_per_face(scene: SceneMesh) -> SceneMesh:

@@ -5,13 +5,13 @@
 """
 
 from dataclasses import dataclass
-from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from contracts.geometry import Box, Heading, PointLabel
-from contracts.vlm_gateway import MarkedPoint, Match, Outcome, Tokens
+from contracts.vlm_gateway import BackendKind, MarkedPoint, Match, Outcome, Tokens
 
 T = TypeVar("T")
-Kind = Literal["embedded", "chat", "oracle", "scripted"]
+Kind = BackendKind
 MAX_TEXT = 20_000
 NO_TOKENS = Tokens()
 
@@ -115,6 +115,11 @@ class Backend(Protocol):
 
     @property
     def fingerprint(self) -> dict[str, object]: ...
+
+    async def preflight(self, phrase: str | None) -> str | None:
+        """Before a mission, without running the model: why it can't recognise what the noun phrase names; None where it
+        can, and without a phrase. Raises BadQuestion where it can't be asked about pictures at all."""
+        ...
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]: ...
 

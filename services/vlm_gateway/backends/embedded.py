@@ -46,6 +46,9 @@ class PixelModel(Protocol):
     def about(self) -> dict[str, object]:
         """What is known of how it was made, for operators and the model card."""
 
+    def out_of_vocabulary(self, phrase: str) -> str | None:
+        """Why the phrase names nothing that the model was trained on; None where it names something."""
+
     def count_floors(self, shot: Shot) -> FloorsSeen: ...
 
     def building_box(self, shot: Shot) -> BoxSeen | None: ...
@@ -95,6 +98,9 @@ class EmbeddedBackend:
     @property
     def fingerprint(self) -> dict[str, object]:
         return {"version": self._model.version, "revision": self._revision}
+
+    async def preflight(self, phrase: str | None) -> str | None:
+        return None if phrase is None else self._model.out_of_vocabulary(phrase)
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         return await self._run(partial(self._count_floors, ask))

@@ -53,6 +53,9 @@ class LazyBackend:
     def fingerprint(self) -> dict[str, object]:
         return {} if self._built is None else self._built.fingerprint
 
+    async def preflight(self, phrase: str | None) -> str | None:
+        return await (await self.ready()).preflight(phrase)
+
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         return await (await self.ready()).count_floors(ask)
 

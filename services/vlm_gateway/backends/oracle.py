@@ -52,6 +52,9 @@ class OracleBackend:
     def fingerprint(self) -> dict[str, object]:
         return {}
 
+    async def preflight(self, phrase: str | None) -> str | None:
+        return None
+
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         truth = await self._truth(_named(ask.episode), (FRONT,))
         faults = Faults(self._config.noise, truth, "floors")

@@ -108,6 +108,9 @@ class ScriptedBackend:
     def fingerprint(self) -> dict[str, object]:
         return {}
 
+    async def preflight(self, phrase: str | None) -> str | None:
+        return None
+
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         line = await self._next("floor-count", self._script.floor_count)
         return _reply(line, Floors(line.floors, line.rows))

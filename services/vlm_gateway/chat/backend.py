@@ -73,6 +73,10 @@ class ChatBackend:
             "extra": model.config.extra,
         }
 
+    async def preflight(self, phrase: str | None) -> str | None:
+        self._needs_vision()
+        return None
+
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
         self._needs_vision()
         picture = await self._fresh(ask.picture)

@@ -19,7 +19,7 @@ from services.vlm_gateway.embedded.floors import box_of, rows_of
 from services.vlm_gateway.embedded.memory import Recent
 from services.vlm_gateway.embedded.network import Maps, Networks
 from services.vlm_gateway.embedded.seen import BoxSeen, FloorsSeen, Found, MarkedPlace, Picture, Shot, Sighting
-from services.vlm_gateway.embedded.words import Vocabulary, Wanted
+from services.vlm_gateway.embedded.words import OutOfVocabulary, Vocabulary, Wanted
 
 Floats = NDArray[np.float32]
 REMEMBERED = 40
@@ -87,6 +87,14 @@ class EmbeddedModel:
             "candidate": exported.candidate,
             "figures": dict(exported.figures),
         }
+
+    def out_of_vocabulary(self, phrase: str) -> str | None:
+        """Why the phrase names nothing that the model was trained on; None where it names something."""
+        try:
+            self._vocabulary.wanted(phrase)
+        except OutOfVocabulary as error:
+            return str(error)
+        return None
 
     def count_floors(self, shot: Shot) -> FloorsSeen:
         """The floors of the building ahead whose window row's middle lies in the picture."""

@@ -19,6 +19,7 @@ from services.sim.geometry.scene_mesh import Chunk, Part, SceneMesh
 from services.sim.geometry.textures import TextureSet
 from services.sim.render.choice import choose_renderer
 from services.sim.render.views import Renderer
+from tests.cameras import square
 
 CATEGORIES = tuple(dict.fromkeys(entry.category for entry in entries()))
 SPACING_M = 2.2
@@ -86,8 +87,8 @@ def test_the_named_colour_dominates_every_object(category: str, renderer: Render
     pose = Pose(x=11.0, y=0.0, z=-(rows - 1) / 2 * SPACING_M, yaw=pi)
     scene = renderer.upload(shop_window(shown, columns, textures))
     try:
-        picture = renderer.render(scene, pose, (0.0,), SIZE_PX).rgb[0]
-        ids = renderer.render_ids(scene, pose, (0.0,), SIZE_PX)[0]
+        picture = renderer.render(scene, pose, [square(size=SIZE_PX)]).rgb[0]
+        ids = renderer.render_ids(scene, pose, [square(size=SIZE_PX)])[0]
     finally:
         scene.release()
     weak = {}

@@ -30,6 +30,7 @@ from services.sim.geometry.solids import standing_box
 from services.sim.geometry.textures import TextureSet, base_textures
 from services.sim.render.gl import GlRenderer
 from services.sim.render.views import project
+from tests.cameras import square
 
 _BLOCK = ((-8.0, -6.0), (8.0, -6.0), (8.0, 6.0), (-8.0, 6.0))
 _L = ((-9.0, -8.0), (9.0, -8.0), (9.0, 2.0), (1.0, 2.0), (1.0, 9.0), (-9.0, 9.0))
@@ -81,7 +82,7 @@ def plain() -> SceneMesh:
 
 def test_the_panes_lie_in_reveals_where_the_layout_puts_the_windows() -> None:
     house = building()
-    gl = GlRenderer()
+    gl, camera = GlRenderer(), square(size=600)
     uploaded = gl.upload(plain())
     for facade in range(4):
         for floor in (1, 3):
@@ -90,16 +91,16 @@ def test_the_panes_lie_in_reveals_where_the_layout_puts_the_windows() -> None:
             pose = Pose(
                 x=x + 6 * slot.normal[0], y=y + 6 * slot.normal[1], z=z, yaw=atan2(-slot.normal[1], -slot.normal[0])
             )
-            depth = gl.render(uploaded, pose, (0,), 600).depth_m()[0]
+            depth = gl.render(uploaded, pose, [camera]).depth_m()[0]
             quarter = np.array([x, y, z]) + 0.25 * slot.width_m * np.array([*slot.along, 0.0])
             for point, deep in (
                 (quarter, house.windows.reveal_m),
                 (quarter + np.array([0, 0, 0.4]), house.windows.reveal_m),
             ):
-                u, v, _ = project(pose, 0, 600, point[None])[0]
+                u, v, _ = project(pose, camera, point[None])[0]
                 assert depth[int(v), int(u)] == pytest.approx(6.0 + deep, abs=0.07)
             pier = np.array([x, y, z]) + house.windows.pitch_m / 2 * np.array([*slot.along, 0.0])
-            u, v, _ = project(pose, 0, 600, pier[None])[0]
+            u, v, _ = project(pose, camera, pier[None])[0]
             assert depth[int(v), int(u)] == pytest.approx(6.0, abs=0.12)
     gl.close()
 

@@ -12,8 +12,10 @@ from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from services.sim.scenes import ReadyScene, make_ready
 from services.sim.truth import WayHome, floor_rows, outline_pixels, truth_view
+from tests.cameras import square
 
 NORTH = math.pi / 2
+FRONT = square(size=200)
 Draw = Callable[[Pose, int], np.ndarray]
 
 
@@ -28,7 +30,7 @@ def drawn(ready: ReadyScene) -> Iterator[Draw]:
     uploaded = thread.run(lambda r: r.upload(ready.mesh))
 
     def draw(pose: Pose, heading: int, size: int = 200) -> np.ndarray:
-        return thread.run(lambda r: r.render_ids(uploaded, pose, [heading], size))[0]
+        return thread.run(lambda r: r.render_ids(uploaded, pose, [square(heading, size)]))[0]
 
     yield draw
     thread.close()
@@ -38,7 +40,7 @@ def test_the_goal_in_the_open_is_seen_whole_and_where_it_is(ready: ReadyScene, d
     # 4 m before the pot's front face, at the height of its middle: half a metre is 12.5 of 200 px
     pot = ready.things["pot"].middle
     pose = Pose(x=0.0, y=pot[1] - 0.25 - 4.0, z=pot[2], yaw=NORTH)
-    view = truth_view(ready.scene, ready.mesh, ready.things, pose, 0, drawn(pose, 0))
+    view = truth_view(ready.scene, ready.mesh, ready.things, pose, FRONT, drawn(pose, 0))
     (seen,) = view.objects
     assert (seen.id, seen.goal, seen.kind, seen.colour) == ("pot", True, "flower_pot", "green")
     assert seen.share == pytest.approx(1.0, abs=0.12)
@@ -51,20 +53,20 @@ def test_a_thing_cut_off_by_the_picture_has_a_smaller_share(ready: ReadyScene, d
     # the pot's middle lies on the picture's left border: 4.25 m ahead, 4.25 m to the left
     pot = ready.things["pot"].middle
     pose = Pose(x=pot[0] + 4.25, y=pot[1] - 4.25, z=pot[2], yaw=NORTH)
-    (seen,) = truth_view(ready.scene, ready.mesh, ready.things, pose, 0, drawn(pose, 0)).objects
+    (seen,) = truth_view(ready.scene, ready.mesh, ready.things, pose, FRONT, drawn(pose, 0)).objects
     assert 0.2 < seen.share < 0.7
     assert seen.box.x_min == 0.0
 
 
 def test_behind_the_house_nothing_of_the_front_is_seen(ready: ReadyScene, drawn: Draw) -> None:
     pose = Pose(x=0.0, y=12.0, z=5.0, yaw=-NORTH)
-    view = truth_view(ready.scene, ready.mesh, ready.things, pose, 0, drawn(pose, 0))
+    view = truth_view(ready.scene, ready.mesh, ready.things, pose, FRONT, drawn(pose, 0))
     assert [o.id for o in view.objects] == ["far-pot"]
 
 
 def test_looking_away_from_everything_shows_nothing(ready: ReadyScene, drawn: Draw) -> None:
     pose = Pose(x=0.0, y=-20.0, z=20.0, yaw=-NORTH)
-    view = truth_view(ready.scene, ready.mesh, ready.things, pose, 0, drawn(pose, 0))
+    view = truth_view(ready.scene, ready.mesh, ready.things, pose, FRONT, drawn(pose, 0))
     assert view.objects == ()
     assert view.building_box is None
     assert view.floors_visible == 0
@@ -73,7 +75,7 @@ def test_looking_away_from_everything_shows_nothing(ready: ReadyScene, drawn: Dr
 def test_the_buildings_box_is_its_outline(ready: ReadyScene, drawn: Draw) -> None:
     # 10 m before the facade at half its height: 10 m wide and 12 m high span half and 0.6 of the picture
     pose = Pose(x=0.0, y=-15.0, z=6.0, yaw=NORTH)
-    view = truth_view(ready.scene, ready.mesh, ready.things, pose, 0, drawn(pose, 0))
+    view = truth_view(ready.scene, ready.mesh, ready.things, pose, FRONT, drawn(pose, 0))
     assert view.building_box is not None
     wanted = Box(x_min=0.25, x_max=0.75, y_min=0.2, y_max=0.8)
     for field in ("x_min", "x_max", "y_min", "y_max"):
@@ -83,10 +85,10 @@ def test_the_buildings_box_is_its_outline(ready: ReadyScene, drawn: Draw) -> Non
 def test_floors_are_counted_by_their_windows_middle(ready: ReadyScene, drawn: Draw) -> None:
     # windows' middles lie at 1.65, 4.65, 7.65, 10.65 m; from 10 m at z 6 all show, from 2.5 m only 3.5..8.5 m
     far = Pose(x=0.0, y=-15.0, z=6.0, yaw=NORTH)
-    rows = truth_view(ready.scene, ready.mesh, ready.things, far, 0, drawn(far, 0)).floor_rows
+    rows = truth_view(ready.scene, ready.mesh, ready.things, far, FRONT, drawn(far, 0)).floor_rows
     assert rows == pytest.approx([0.7175, 0.5675, 0.4175, 0.2675])
     near = Pose(x=0.0, y=-7.5, z=6.0, yaw=NORTH)
-    assert truth_view(ready.scene, ready.mesh, ready.things, near, 0, drawn(near, 0)).floors_visible == 2
+    assert truth_view(ready.scene, ready.mesh, ready.things, near, FRONT, drawn(near, 0)).floors_visible == 2
 
 
 def test_floors_above_the_picture_and_hidden_floors_do_not_count(ready: ReadyScene) -> None:
@@ -94,13 +96,13 @@ def test_floors_above_the_picture_and_hidden_floors_do_not_count(ready: ReadySce
     pose = Pose(x=0.0, y=-15.0, z=6.0, yaw=NORTH)
     seen = np.zeros((200, 200), bool)
     seen[:100, 50:150] = True  # something hides the lower half
-    assert floor_rows(house, pose, 0, seen) == pytest.approx([0.4175, 0.2675])
+    assert floor_rows(house, pose, FRONT, seen) == pytest.approx([0.4175, 0.2675])
 
 
 def test_the_facade_seen_aslant_is_counted_at_the_column_nearest_to_the_middle(ready: ReadyScene, drawn: Draw) -> None:
     # the house fills only the right of the picture; its west wall's far end, 25 m ahead, is nearest to the middle
     pose = Pose(x=-15.0, y=-20.0, z=6.0, yaw=NORTH)
-    view = truth_view(ready.scene, ready.mesh, ready.things, pose, 0, drawn(pose, 0))
+    view = truth_view(ready.scene, ready.mesh, ready.things, pose, FRONT, drawn(pose, 0))
     assert view.floors_visible == 4
     assert view.floor_rows[0] == pytest.approx(0.5 + 0.5 * (6.0 - 1.65) / 25.0, abs=0.01)
 
@@ -110,12 +112,12 @@ def test_an_outline_is_measured_beyond_the_pictures_border() -> None:
     a, b = (4.0, -6.0, 0.0), (4.0, -4.0, 0.0)
     c, d = (4.0, -4.0, 2.0), (4.0, -6.0, 2.0)
     square = np.array([[a, b, c], [a, c, d]], np.float32)
-    assert outline_pixels(square, Pose(x=0, y=0, z=0, yaw=0), 0, 200) == pytest.approx(2500, rel=0.03)
+    assert outline_pixels(square, Pose(x=0, y=0, z=0, yaw=0), FRONT) == pytest.approx(2500, rel=0.03)
 
 
 def test_what_lies_behind_the_camera_has_no_outline() -> None:
     square = np.array([[(-4.0, 0.0, 0.0), (-4.0, 1.0, 0.0), (-4.0, 0.0, 1.0)]], np.float32)
-    assert outline_pixels(square, Pose(x=0, y=0, z=0, yaw=0), 0, 200) == 0.0
+    assert outline_pixels(square, Pose(x=0, y=0, z=0, yaw=0), FRONT) == 0.0
 
 
 def test_the_remaining_way_goes_round_the_house_and_up(ready: ReadyScene) -> None:

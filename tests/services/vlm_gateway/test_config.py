@@ -70,6 +70,11 @@ WRONG = [
     ("unknown back end", '[models.m]\nbackend = "magic"', ["models.m", "embedded, scripted, oracle, chat"]),
     ("no back end", '[models.m]\nmodel = "x"', ["models.m", "backend must be one of"]),
     (
+        "unknown back end with the keys of a chat model",
+        '[models.m]\nbackend = "qwen"\nbase_url = "http://x/v1"',
+        ["models.m.backend", "embedded, scripted, oracle, chat", "'qwen'"],
+    ),
+    (
         "unknown budget",
         f'[keys.k]\nsha256 = "{"0" * 64}"\nspeed = 3',
         ["keys.k.speed", "no such key", "tokens_per_day"],

@@ -15,7 +15,9 @@ import pytest
 
 from contracts.images import encode_jpeg
 from services.vlm_gateway.backends.base import Backend
+from services.vlm_gateway.backends.embedded import EmbeddedBackend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
+from services.vlm_gateway.embedded.model import EmbeddedModel
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import (
     build,
@@ -30,6 +32,7 @@ from tests.services.vlm_gateway.kit import (
     wait_until,
 )
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, says, status
+from tests.services.vlm_gateway.tiny_networks import write_networks
 
 
 def scripted(**lines: Any) -> ScriptedBackend:
@@ -77,6 +80,28 @@ def test_no_unreadable_refused_and_unreachable_are_four_things(serve: Serve) -> 
     assert (ended.status_code, ended.json()["error"]["code"]) == (409, "script_ended")
     assert metric(url, "vlm_gateway_calls_total", role="recognition", outcome="refused") == 1
     assert metric(url, "vlm_gateway_calls_total", role="recognition", outcome="model_timeout") == 1
+
+
+def test_before_take_off_a_model_is_asked_whether_it_knows_the_thing(serve: Serve, tmp_path: Path) -> None:
+    model = EmbeddedModel(write_networks(tmp_path))
+    embedded = EmbeddedBackend(model, alias="e", concurrency=1, queue=4, timeout_s=60.0)
+    url = serve(build({"e": embedded, "s": scripted()}).app)
+    assert post(url, "/v1/preflight", {}).json() == {"model": "e", "backend": "embedded", "known": None, "why": None}
+    assert post(url, "/v1/preflight", {"object": "green plate"}).json()["known"] is True
+    unknown = post(url, "/v1/preflight", {"object": "saxophone"}).json()
+    assert unknown["known"] is False
+    assert "saxophone" in unknown["why"]
+    assert post(url, "/v1/preflight", {"model": "s", "object": "saxophone"}).json()["known"] is True
+    refused = post(url, "/v1/preflight", {"model": "qwen"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "unknown_model")
+    assert "no model 'qwen'; there are e, s" in refused.json()["error"]["message"]
+
+
+def test_before_take_off_a_model_without_eyes_is_refused(serve: Serve) -> None:
+    url = serve(build({"words": chat_backend(None, preset="generic-text")}).app)
+    refused = post(url, "/v1/preflight", {"object": "plate"})
+    assert refused.status_code == 422
+    assert "takes no pictures" in refused.json()["error"]["message"]
 
 
 def test_a_question_may_name_its_model_and_an_unknown_one_is_told_the_known(serve: Serve) -> None:
