@@ -31,7 +31,7 @@ SAMPLE = "green-flower-pot"
 async def fly(services: Services, runs: Path, **question: object) -> tuple[DeliveryResult, list[Event]]:
     asked = DeliveryQuestion(**({"sample": SAMPLE, "backend": "oracle", "settings": SMALL} | question))
     run = Run(Order(asked), runs)
-    return await run.fly(services.ports()), read_events(run.record.folder)
+    return await run.fly(services.ports(), services.trial()), read_events(run.record.folder)
 
 
 async def test_a_sample_is_delivered_from_its_sentence_to_its_window(services: Services, runs: Path) -> None:
@@ -51,7 +51,7 @@ async def test_the_episode_is_given_back_at_the_end(services: Services, runs: Pa
     _, events = await fly(services, runs, settings=short)
     placed = next(e for e in events if e.kind == "placed")
     async with httpx.AsyncClient(base_url=at.sim) as client:
-        assert (await client.get(f"/v1/episodes/{placed.data.episode}")).status_code == 404
+        assert (await client.get(f"/v1/episodes/{placed.data.vehicle}")).status_code == 404
 
 
 @pytest.mark.parametrize("request_text", ["Please bring me my parcel.", "fourth floor please", "the green flower pot"])
@@ -85,7 +85,7 @@ async def test_a_service_that_is_down_ends_the_delivery_by_name(at: Addresses, r
 
 async def test_a_model_that_is_not_there_is_told_from_a_service(services: Services, runs: Path) -> None:
     result, _ = await fly(services, runs, backend="no-such-model")
-    assert result.outcome == "failed"
+    assert result.outcome == "model_unreachable"
     assert "no-such-model" in result.message
 
 
@@ -99,7 +99,7 @@ async def test_cancelling_in_the_air_ends_the_flight_and_the_episode(
             counting.set()
 
     run = Run(Order(DeliveryQuestion(sample=SAMPLE, backend="oracle", settings=SMALL)), runs, listener=listen)
-    task = asyncio.create_task(run.fly(services.ports()))
+    task = asyncio.create_task(run.fly(services.ports(), services.trial()))
     await asyncio.wait_for(counting.wait(), 60)
     task.cancel()
     result = await task
@@ -108,7 +108,7 @@ async def test_cancelling_in_the_air_ends_the_flight_and_the_episode(
     assert read_events(run.record.folder)[-1].kind == "result"
     placed = next(e for e in read_events(run.record.folder) if e.kind == "placed")
     async with httpx.AsyncClient(base_url=at.sim) as client:
-        assert (await client.get(f"/v1/episodes/{placed.data.episode}")).status_code == 404
+        assert (await client.get(f"/v1/episodes/{placed.data.vehicle}")).status_code == 404
 
 
 def test_over_rest_the_events_stream_and_can_be_replayed(orchestrator_url: str) -> None:
