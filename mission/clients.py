@@ -1,6 +1,6 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Sequence
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -16,9 +16,9 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.vehicle import Move, MoveResult, Observation
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -105,10 +105,8 @@ class HttpWorld:
     async def start(self, question: EpisodeQuestion) -> Episode:
         return await _reached(self._client.call("POST", "/v1/episodes", Episode, question))
 
-    async def observe(
-        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
-    ) -> Observation:
-        wanted = {"views": ",".join(str(h) for h in headings), "size": str(size)}
+    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
+        wanted = {"cameras": ",".join(cameras)}
         path = f"/v1/episodes/{episode}/observation"
         return await _reached(self._client.call("GET", path, Observation, params=wanted))
 

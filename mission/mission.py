@@ -11,7 +11,7 @@ from collections.abc import Awaitable
 from contracts.event_data import ParsedData, PlacedData
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
-from contracts.sim import Claim, EpisodeQuestion, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
 from contracts.vlm_gateway import PreflightQuestion
 from mission.asking import Answered
 from mission.phases.approach import Lost, approach
@@ -33,6 +33,7 @@ class Mission:
 
     def __init__(self, ports: Ports, settings: MissionSettings, events: Log) -> None:
         self._sortie = Sortie(ports, settings, events)
+        self._episode: Episode | None = None
         self._verdict: Verdict | None = None
         self._exploration: Exploration | None = None
 
@@ -88,13 +89,14 @@ class Mission:
     async def _place(self, start: EpisodeQuestion) -> None:
         sortie = self._sortie
         sortie.enter("place", "placing the drone")
-        sortie.episode = await sortie.timed("place", sortie.ports.world.start(start))
-        episode = sortie.episode
+        sortie.rig = start.rig
+        episode = self._episode = await sortie.timed("place", sortie.ports.world.start(start))
+        sortie.episode = episode.vehicle
         sortie.write(
-            f"the drone stands at {spoken(episode.pose)}; pictures by {episode.renderer}",
+            f"the drone stands at {spoken(episode.vehicle.pose)}; pictures by {episode.renderer}",
             PlacedData(
                 episode=episode.id,
-                pose=episode.pose,
+                pose=episode.vehicle.pose,
                 renderer=episode.renderer,
                 renderer_detail=episode.renderer_detail,
                 flight=episode.flight,
@@ -118,7 +120,7 @@ class Mission:
                 self._verdict = await sortie.timed(
                     "claim", sortie.ports.world.claim(sortie.flown.id, Claim(target=end.place))
                 )
-                sortie.episode = self._verdict.episode
+                sortie.episode = self._verdict.vehicle
                 sortie.write(_spoken_verdict(self._verdict), self._verdict)
                 return
             last, leaving = end, found.look if end.blocked else None
@@ -203,7 +205,7 @@ class Mission:
             verdict=self._verdict,
             timings_s={part: round(s, 4) for part, s in sortie.book.seconds.items()},
             model_calls=dict(sortie.book.calls),
-            renderer=episode.renderer if episode else None,
+            renderer=self._episode.renderer if self._episode else None,
             stops=tuple(sortie.stops),
             inspected_share=self._inspected_share(),
         )

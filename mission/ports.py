@@ -6,6 +6,7 @@ PortError               a port brought no answer of its contract
   ServiceRefused        the service answered with an error of its own
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,9 +20,9 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.vehicle import Move, MoveResult, Observation
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -96,9 +97,7 @@ class World(Protocol):
 
     async def start(self, question: EpisodeQuestion) -> Episode: ...
 
-    async def observe(
-        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
-    ) -> Observation: ...
+    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation: ...
 
     async def move(self, episode: str, number: int, move: Move) -> MoveResult:
         """Move `number` (1, 2, ...); the same number again is the same move."""

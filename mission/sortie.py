@@ -5,17 +5,18 @@ import time
 from collections.abc import Awaitable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import Rig, default_rig
 from contracts.depth_assist import ViewDepth
 from contracts.event_data import EventData, MoveData, NoData, TurnData
 from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point3, Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.orchestrator import MissionSettings, OutcomeName, Phase, Stop
-from contracts.sim import Episode, Move, MoveResult, Observation, SensedView
+from contracts.vehicle import Move, MoveResult, Observation, SensedView, VehicleState
 from mission.asking import CallBook
 from mission.ports import Ports, ServiceRefused
 from mission.record import Log, Pictures
@@ -51,7 +52,7 @@ class Sight:
 
     @property
     def heading_deg(self) -> Heading:
-        return self.view.heading_deg
+        return cast(Heading, int(self.view.camera.heading_deg))
 
     @cached_property
     def rgb(self) -> NDArray[np.uint8]:
@@ -134,7 +135,8 @@ class Sortie:
     log: Log
     book: CallBook = field(default_factory=CallBook)
     phase: Phase = "parse"
-    episode: Episode | None = None
+    rig: Rig = field(default_factory=default_rig)
+    episode: VehicleState | None = None
     floor: int | None = None
     object: str | None = None
     final_height_m: float | None = None
@@ -154,8 +156,8 @@ class Sortie:
         return with_article(self.object or "object")
 
     @property
-    def flown(self) -> Episode:
-        """The episode. Raises RuntimeError before it has been started."""
+    def flown(self) -> VehicleState:
+        """The vehicle after its last flight. Raises RuntimeError before it has been started."""
         if self.episode is None:
             raise RuntimeError("the drone has not been placed yet")
         return self.episode
@@ -186,9 +188,10 @@ class Sortie:
 
     async def look(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG) -> Look:
         """One observation. Raises PortError; ServiceRefused as well where a picture is not what it says it is."""
-        size = self.settings.image_size
-        seen = await self.timed("observe", self.ports.world.observe(self.flown.id, headings=headings, size=size))
-        sights = {view.heading_deg: Sight(seen.pose, view) for view in seen.views}
+        names = {camera.heading_deg: camera.name for camera in self.rig.cameras}
+        wanted = [names[heading] for heading in headings]
+        seen = await self.timed("observe", self.ports.world.observe(self.flown.id, wanted))
+        sights = {sight.heading_deg: sight for sight in (Sight(seen.pose, view) for view in seen.views)}
         missing = [h for h in headings if h not in sights]
         try:
             for sight in sights.values():
@@ -205,7 +208,7 @@ class Sortie:
         before = self.flown.pose
         move = Move(path=tuple(path), yaw=yaw)
         done = await self.timed("move", self.ports.world.move(self.flown.id, self._moves, move))
-        self.episode = done.episode
+        self.episode = done.vehicle
         self.ends.append(done.pose)
         kind = MoveData if path else TurnData
         self.write(
@@ -222,7 +225,7 @@ class Sortie:
                 flight_s=round(done.flight_s, 3),
             ),
         )
-        if done.collided or done.episode.collided:
+        if done.collided or done.vehicle.collided:
             hit = f" with {done.hit}" if done.hit else ""
             raise MissionEnd("collision", f"the drone collided{hit} at {spoken(done.pose)} ({why})")
         return done

@@ -5,6 +5,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
+from contracts.cameras import default_rig
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
@@ -75,7 +76,9 @@ class Run:
         order = self._order
         try:
             mission = Mission(ports, order.settings, self.record)
-            result = await mission.fly(order.request, EpisodeQuestion(scene=order.scene, flight=order.settings.flight))
+            rig = default_rig().scaled_to(order.settings.image_size)
+            question = EpisodeQuestion(scene=order.scene, flight=order.settings.flight, rig=rig)
+            result = await mission.fly(order.request, question)
             self.record.conclude(result)
             await self._draw()
             self.record.announce(result)

@@ -18,7 +18,7 @@ from contracts.geometry import Heading, PointLabel
 from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.orchestrator import MissionSettings, ModelCalls
-from contracts.sim import Observation
+from contracts.vehicle import Observation
 from contracts.vlm_gateway import (
     Answer,
     ChooseDirectionQuestion,
@@ -162,7 +162,7 @@ class Examiner:
                     model=self._plan.backend,
                     oracle_episode=stage.episode,
                     object=task.object,
-                    views=tuple(View(heading_deg=v.heading_deg, image=v.image) for v in seen.views),
+                    views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in _sights(seen)),
                 )
                 answer = await self._ask("recognition", self._ports.vision.find_object(question))
                 matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
@@ -185,9 +185,9 @@ class Examiner:
         settings = self._plan.settings
         seen = stage.look(depth=True)
         depths = {
-            view.heading_deg: ViewDepth(heading_deg=view.heading_deg, depth=view.depth)
-            for view in seen.views
-            if view.depth is not None
+            sight.heading_deg: ViewDepth(heading_deg=sight.heading_deg, depth=sight.view.depth)
+            for sight in _sights(seen)
+            if sight.view.depth is not None
         }
         rule = settings.viewpoint
         if rule.policy == "contour":  # the explorer offers no points; the model chooses among the paper's rule's
@@ -209,13 +209,13 @@ class Examiner:
     async def _label(
         self, task: Task, stage: Stage, seen: Observation, heading: Heading, offered: list[DirectionPoint]
     ) -> PointLabel | None:
-        view = next(view for view in seen.views if view.heading_deg == heading)
+        sight = next(sight for sight in _sights(seen) if sight.heading_deg == heading)
         points = marks_of(offered)
         question = ChooseDirectionQuestion(
             model=self._plan.backend,
             oracle_episode=stage.episode,
             heading_deg=heading,
-            image=encode_jpeg(mark_points(Sight(seen.pose, view).rgb, points)),
+            image=encode_jpeg(mark_points(sight.rgb, points)),
             points=points,
             task=search_task(task.object, task.floor, self._plan.settings.viewpoint.direction),
         )
@@ -246,3 +246,7 @@ class Examiner:
 
     def _rng(self, task: Task) -> np.random.Generator:
         return np.random.default_rng((task.seed, zlib.crc32(b"subtasks")))
+
+
+def _sights(seen: Observation) -> tuple[Sight, ...]:
+    return tuple(Sight(seen.pose, view) for view in seen.views)

@@ -146,7 +146,7 @@ class Exploration:
                 answer=reply.answer,
                 sightings=tuple(_judged(s, s is best) for s in sightings),
                 returns=tuple(facade_returns([look.sights[h] for h in (-90, 0, 90) if h in look.sights])),
-                render_s=look.observation.render_s,
+                render_s=look.observation.timings_s.get("render", 0.0),
                 seconds=round(reply.seconds, 4),
             ),
             lambda: look.pictures | _boxed(look, best),

@@ -20,7 +20,7 @@ from contracts.event_data import (
 )
 from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
-from contracts.sim import MoveResult
+from contracts.vehicle import MoveResult
 from contracts.vlm_gateway import BuildingBoxQuestion, FloorCountAnswer, FloorCountQuestion
 from mission.asking import Answered
 from mission.marks import mark_box

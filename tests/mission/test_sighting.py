@@ -10,14 +10,14 @@ from contracts.vlm_gateway import Match
 from mission.asking import CallBook
 from mission.sighting import Dismissed, Extent, locate, project
 from mission.sortie import Look, Sight
-from tests.mission.box_world import Block, BlockWorld, block_scene
+from tests.mission.box_world import RIG, Block, BlockWorld, block_scene
 
 
 async def look_from(pose: Pose) -> Look:
     world = BlockWorld(Block(start=pose))
     episode = await world.start(EpisodeQuestion(scene=block_scene(world.block)))
-    seen = await world.observe(episode.id)
-    return Look(seen, {v.heading_deg: Sight(seen.pose, v) for v in seen.views})
+    seen = await world.observe(episode.id, [camera.name for camera in RIG.cameras])
+    return Look(seen, {sight.heading_deg: sight for sight in (Sight(seen.pose, view) for view in seen.views)})
 
 
 @pytest.mark.parametrize(
