@@ -31,7 +31,7 @@ from contracts.vlm_gateway import (
     PreflightAnswer,
     PreflightQuestion,
 )
-from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
+from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable, UnknownModel
 from service_kit.addresses import Addresses
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
 from service_kit.connections import NO_TOKENS, TOKEN_VARIABLES, Tokens
@@ -39,10 +39,8 @@ from service_kit.connections import NO_TOKENS, TOKEN_VARIABLES, Tokens
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
 
-MODEL_TROUBLE = frozenset(
-    {"unknown_model", "model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"}
-)
-"""The error codes by which a service says that it is well but its model did not answer, or that there is none."""
+MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"})
+"""The error codes by which a service says that it is well but its model did not answer."""
 
 MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
@@ -174,6 +172,8 @@ async def _reached(call: Awaitable[T]) -> T:
     except Garbled as error:
         raise ServiceRefused(str(error), code="garbled", status=502) from None
     except Refused as error:
+        if error.code == "unknown_model":
+            raise UnknownModel(f"{error.service}: {error.reason}") from None
         if error.code in MODEL_TROUBLE:
             raise ModelUnreachable(f"{error.service}: {error.reason} ({error.code})") from None
         if error.status in (401, 403):

@@ -1,7 +1,8 @@
 """What a mission needs from the outside: four small ports that speak the contracts' types.
 
 PortError               a port brought no answer of its contract
-  ModelUnreachable      the model behind it can't be reached, not in time, or there is none: nothing to score
+  ModelUnreachable      the model behind it can't be reached, or not in time: no answer, so nothing to score
+    UnknownModel        the gateway has no model of that name; the message names those there are
   ServiceUnreachable    the service itself can't be reached, or refuses our token
   ServiceRefused        the service answered with an error of its own
 """
@@ -45,6 +46,10 @@ class ModelUnreachable(PortError):
     """The model behind a service can't be reached, or not in time."""
 
 
+class UnknownModel(ModelUnreachable):
+    """There is no model of that name; the message names those there are."""
+
+
 class ServiceUnreachable(PortError):
     """Nobody answered, or not in time."""
 
@@ -68,7 +73,7 @@ class Vision(Protocol):
     """The four typed questions about pictures, and the one before take-off whether they can be asked."""
 
     async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
-        """Raises ModelUnreachable as well where there is no such model."""
+        """Raises UnknownModel; ServiceRefused where the model takes no pictures."""
         ...
 
     async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer: ...
