@@ -19,6 +19,7 @@ from command_line.bench_progress import LiveProgress, PlainProgress
 from command_line.bench_summary import print_summary
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
 from command_line.mission_options import SEED_HIGH, mission_settings
+from command_line.preflight import stop_without_model
 from command_line.subtask import ask_alone
 from command_line.tasks import generated
 from evaluation.bench.folder import BadFolder, RunFolder
@@ -123,6 +124,7 @@ def bench(
         stop("interrupted before the first flight", INTERRUPTED)
     mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
     gateway = _gateway(mode, recording, settings.oracle)
+    stop_without_model(backend, gateway)
     some, cores = _first(chosen, settings.count), one_core_each(process_environment())
     if subtask is not None:
         ask_alone(subtask, some, settings, cores, gateway, console, out, as_json=as_json)

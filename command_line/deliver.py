@@ -15,6 +15,7 @@ from command_line import mission_options
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
 from command_line.delivery_view import LiveView, PlainView, print_result
 from command_line.mission_options import SEED_HIGH, mission_settings
+from command_line.preflight import CannotFly, check_flight
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult
 from contracts.scene import Scene
 from launcher.processes import (
@@ -83,6 +84,8 @@ def deliver(
     console = Console(stderr=as_json)
     try:
         run, result = asyncio.run(interruptible(_deliver(order, out, backend, at, tokens, console, live=not as_json)))
+    except CannotFly as error:
+        stop(str(error), WRONG_INPUT)
     except CannotStart as error:
         stop(f"the services could not be started: {error}", FAILED)
     except OSError as error:
@@ -103,7 +106,8 @@ def deliver(
 async def _deliver(
     order: Order, out: Path, backend: str, at: Addresses | None, tokens: Tokens, console: Console, *, live: bool
 ) -> tuple[Run, DeliveryResult]:
-    """Starts what is needed, flies, stops what was started. Cancelling it ends the flight, not the record."""
+    """Starts what is needed, flies, stops what was started. Cancelling it ends the flight, not the record. Raises
+    CannotFly, CannotStart, OSError."""
     async with contextlib.AsyncExitStack() as stack:
         terminal = live and console.is_terminal
         view: LiveView | PlainView = LiveView(console, order.request, backend) if terminal else PlainView(console)
@@ -116,6 +120,7 @@ async def _deliver(
             own = Processes(ports, logs, environment=process_environment(), extra=extra)
             at = (await stack.enter_async_context(own)).addresses
         clients = await stack.enter_async_context(Services(at, tokens))
+        await check_flight(clients, backend)
         run = Run(order, out, listener=view.show)
         return run, await run.fly(clients.ports(), clients.trial())
 

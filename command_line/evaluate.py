@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
+from command_line.preflight import stop_without_model
 from contracts.orchestrator import SightingSettings
 from contracts.sim import Catalogue
 from evaluation.bench.folder import BadFolder
@@ -41,6 +42,7 @@ ABOUT = "about.json"
 _ABOUT: TypeAdapter[dict[str, Any]] = TypeAdapter(dict[str, Any])
 CARD, CURVES, SHEET = "model-card.md", "model-card.png", "model-card-mistakes.png"
 MAX_TASKS = 5_000
+UNCACHED = {"CACHE_MODE": "off"}
 
 
 def evaluate(
@@ -71,6 +73,7 @@ def evaluate(
             known = read_cases(folder)
             cases = {seed: known[seed] for seed in sorted({a.seed for a in given.sought})}
         else:
+            stop_without_model(backend, UNCACHED)
             cases = _cases(seeds, folder, console)
             given, about = asyncio.run(_asked(list(cases.values()), folder, backend, console))
         scores = score(cases, given, settings)
@@ -159,8 +162,7 @@ async def _asked(cases: Sequence[Case], folder: Path, backend: str, console: Con
     ports = free_ports(("vlm_gateway",))
     environment = process_environment()
     with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs:
-        extra = {"vlm_gateway": {"CACHE_MODE": "off"}}
-        async with Processes(ports, Path(logs), environment=environment, extra=extra) as group:
+        async with Processes(ports, Path(logs), environment=environment, extra={"vlm_gateway": UNCACHED}) as group:
             tokens = Connections.read(environment).tokens
             async with Services(group.addresses, tokens) as services:
                 asker = Asker(services.ports().vision, folder, catalogue, backend)

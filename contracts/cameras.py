@@ -8,6 +8,7 @@ frame has x to the right and y down in pixels, continuous: the centre of pixel (
 
 import math
 import tomllib
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Self
@@ -142,6 +143,12 @@ def shipped_rig(name: str) -> Rig:
     if name not in rig_names():
         raise BadRig(f"there is no rig {name!r}; there are {', '.join(rig_names())}, or give a file")
     return parse_rig((resources.files("contracts") / "rigs" / f"{name}.toml").read_text(encoding="utf-8"), name)
+
+
+@cache
+def default_rig() -> Rig:
+    """The rig of a drone of which nothing else is said."""
+    return shipped_rig(DEFAULT_RIG)
 
 
 def load_rig(name_or_file: str) -> Rig:

@@ -1,13 +1,22 @@
-"""sim: episodes, observations, moves, the judging of a claim, and, where switched on, the truth."""
+"""sim: what a trial in the simulator adds to its vehicle: the scene, the judging of a claim, and, where switched on,
+the truth. How the vehicle is flown is in `contracts.vehicle`; its base address is `/v1/episodes/{id}`.
+
+    POST   /v1/episodes             Episode; EpisodeQuestion
+    GET    /v1/episodes/{id}/trial  Episode
+    POST   /v1/episodes/{id}/claim  Verdict; Claim
+    POST   /v1/episodes/{id}/truth  Truth; TruthQuestion; only where it is switched on
+    DELETE /v1/episodes?key=...     frees the episode that was begun, or is being begun, under a key
+"""
 
 from typing import Literal
 
 from pydantic import Field
 
 from contracts.base import Name, Wire
+from contracts.cameras import Rig, default_rig
 from contracts.geometry import Box, Heading, Point3, Pose
-from contracts.images import DepthMap, JpegImage
 from contracts.scene import Scene
+from contracts.vehicle import VehicleState
 
 Renderer = Literal["moderngl", "tiny"]
 
@@ -15,7 +24,8 @@ Renderer = Literal["moderngl", "tiny"]
 class Flight(Wire):
     """How the drone flies: a sphere of `radius_m` on a path with bounded speed, acceleration and yaw rate. `drift`: how
     far the pose it reports strays per metre flown, in a direction drawn from the scene's seed and `drift_seed`; success
-    is judged by the true pose."""
+    is judged by the true pose. `endurance_s`: of flight on a full battery. `pace`: seconds of wall time for a second of
+    flight; 0 flies as fast as it can be computed, 1 as it would be watched."""
 
     radius_m: float = Field(default=0.35, gt=0.05, le=1.0)
     max_speed_m_s: float = Field(default=4.0, gt=0.1, le=20.0)
@@ -23,79 +33,33 @@ class Flight(Wire):
     max_yaw_rate_rad_s: float = Field(default=1.5, gt=0.1, le=10.0)
     drift: float = Field(default=0.0, ge=0.0, le=0.1)
     drift_seed: int = Field(default=0, ge=0, le=2**31 - 1)
+    endurance_s: float = Field(default=1500.0, ge=1.0, le=86_400.0)
+    pace: float = Field(default=0.0, ge=0.0, le=100.0)
 
 
 class EpisodeQuestion(Wire):
+    """A drone with these cameras at the start of a scene. `key`: the caller's own name for it; the same key and
+    question again is the same episode, so that asking twice begins nothing twice. Choose one that nobody guesses."""
+
     scene: Scene
     flight: Flight = Flight()
+    rig: Rig = Field(default_factory=default_rig)
+    key: Name | None = None
 
 
 class Episode(Wire):
-    """`status`: `flying` until a claim ends it (`claimed`). `collided` never goes back to false."""
+    """What a trial adds to its vehicle. `id` is the vehicle's name; `status`: `flying` until a claim ends it
+    (`claimed`); `expires_in_s` after the last call it is given up."""
 
     id: Name
     status: Literal["flying", "claimed"]
     scene: str
-    pose: Pose
-    moves: int
-    path_m: float
-    path_horizontal_m: float
-    flight_s: float
-    collided: bool
     renderer: Renderer
     renderer_detail: str
     flight: Flight
+    rig: Name
     expires_in_s: float
-
-
-class Camera(Wire):
-    """A pinhole: focal length in pixels, pixel centres at +0.5, depth along the optical axis."""
-
-    width: int
-    height: int
-    fov_deg: float = 90.0
-    focal_px: float
-
-
-class SensedView(Wire):
-    heading_deg: Heading
-    image: JpegImage
-    depth: DepthMap | None = None
-
-
-class Observation(Wire):
-    """All views of one moment. `number` counts observations of the episode; `render_s` and `encode_s` are wall time."""
-
-    episode: Name
-    number: int
-    pose: Pose
-    camera: Camera
-    views: tuple[SensedView, ...]
-    renderer: Renderer
-    render_s: float
-    encode_s: float
-
-
-class Move(Wire):
-    """Fly along `path` (straight legs from where the drone is), then turn to `yaw` (radians); without `yaw` the drone
-    ends facing the direction of its last horizontal travel. An empty path only turns."""
-
-    path: tuple[Point3, ...] = Field(default=(), max_length=64)
-    yaw: float | None = Field(default=None, ge=-1000, le=1000)
-
-
-class MoveResult(Wire):
-    """What came of move `number`: `reached` is false when something stopped the drone at `pose`. `collided` and `hit`
-    are of this move; `episode.collided` remembers."""
-
-    number: int
-    pose: Pose
-    reached: bool
-    collided: bool
-    hit: str | None
-    path_m: float
-    flight_s: float
-    episode: Episode
+    vehicle: VehicleState
 
 
 class Claim(Wire):
@@ -116,7 +80,7 @@ class Verdict(Wire):
     in_front: bool
     line_of_sight: bool
     collided: bool
-    episode: Episode
+    vehicle: VehicleState
 
 
 class TruthQuestion(Wire):

@@ -10,7 +10,10 @@ Over HTTP a vehicle is a base address; a fleet's service has one such address a 
     PUT    /moves/{n}           MoveResult; Move number n = 1, 2, ...; the same number and body again is the same move
     GET    /moves/{n}           MoveProgress while the move is flown and after
     DELETE /moves/{n}           MoveResult; the vehicle stops on the way and holds; `cancelled` is set
-    POST   /hold /return /land  VehicleState
+    POST   /hold                VehicleState; stops on the way
+    POST   /return              VehicleState, once it holds where it took off
+    POST   /land                VehicleState, once it has landed
+    DELETE (itself)             204; the mission needs the vehicle no more
 
 Positions in metres, ENU (x east, y north, z up from the ground at the start); yaw in radians, counter-clockwise from
 east. Nothing here names a scene, a renderer, or anything else that only a simulator has.
@@ -95,7 +98,7 @@ class Move(Wire):
 
 
 class MoveProgress(Wire):
-    """How far move `number` has come: the share of its path flown, 0..1."""
+    """How far move `number` has come; `share`: how much of it is flown, 0..1."""
 
     number: int
     state: Literal["flying", "done", "cancelled"]

@@ -8,26 +8,16 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TypeVar
 
 from pydantic import BaseModel
 
-from contracts.geometry import Heading
+from contracts.cameras import Rig, default_rig
 from contracts.scene import Scene
-from contracts.sim import (
-    Catalogue,
-    Claim,
-    Episode,
-    EpisodeQuestion,
-    Move,
-    MoveResult,
-    Observation,
-    Truth,
-    TruthQuestion,
-    Verdict,
-)
+from contracts.sim import Catalogue, Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
+from contracts.vehicle import Move, MoveResult, Observation
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
 
@@ -51,12 +41,13 @@ class SimClient:
     def catalogue(self) -> Catalogue:
         return self._call("GET", "/v1/catalogue", None, Catalogue)
 
-    def open(self, scene: Scene) -> Episode:
-        return self._call("POST", "/v1/episodes", EpisodeQuestion(scene=scene), Episode)
+    def open(self, scene: Scene, rig: Rig | None = None) -> Episode:
+        """A drone at the scene's start, with the default rig where no other is wanted."""
+        question = EpisodeQuestion(scene=scene, rig=rig or default_rig())
+        return self._call("POST", "/v1/episodes", question, Episode)
 
-    def observe(self, episode: str, views: tuple[Heading, ...], size: int = 800, depth: bool = False) -> Observation:
-        wanted = ",".join(str(v) for v in views)
-        path = f"/v1/episodes/{episode}/observation?views={wanted}&size={size}&depth={str(depth).lower()}"
+    def observe(self, episode: str, cameras: Sequence[str], depth: bool = False) -> Observation:
+        path = f"/v1/episodes/{episode}/observation?cameras={','.join(cameras)}&depth={str(depth).lower()}"
         return self._call("GET", path, None, Observation)
 
     def truth(self, episode: str, question: TruthQuestion) -> Truth:

@@ -1,6 +1,6 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Sequence
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -16,9 +16,9 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.vehicle import Move, MoveResult, Observation
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -32,7 +32,7 @@ from contracts.vlm_gateway import (
     PreflightQuestion,
 )
 from mission.episodes import EpisodeTrial
-from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable
+from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable, UnknownModel
 from mission.vehicle import Trial
 from service_kit.addresses import Addresses
 from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
@@ -41,10 +41,8 @@ from service_kit.connections import NO_TOKENS, TOKEN_VARIABLES, Tokens
 M = TypeVar("M", bound=BaseModel)
 T = TypeVar("T")
 
-MODEL_TROUBLE = frozenset(
-    {"unknown_model", "model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"}
-)
-"""The error codes by which a service says that it is well but its model did not answer, or that there is none."""
+MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"})
+"""The error codes by which a service says that it is well but its model did not answer."""
 
 MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
@@ -107,10 +105,8 @@ class HttpWorld:
     async def start(self, question: EpisodeQuestion) -> Episode:
         return await _reached(self._client.call("POST", "/v1/episodes", Episode, question))
 
-    async def observe(
-        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
-    ) -> Observation:
-        wanted = {"views": ",".join(str(h) for h in headings), "size": str(size)}
+    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
+        wanted = {"cameras": ",".join(cameras)}
         path = f"/v1/episodes/{episode}/observation"
         return await _reached(self._client.call("GET", path, Observation, params=wanted))
 
@@ -181,6 +177,8 @@ async def _reached(call: Awaitable[T]) -> T:
     except Garbled as error:
         raise ServiceRefused(str(error), code="garbled", status=502) from None
     except Refused as error:
+        if error.code == "unknown_model":
+            raise UnknownModel(f"{error.service}: {error.reason}") from None
         if error.code in MODEL_TROUBLE:
             raise ModelUnreachable(f"{error.service}: {error.reason} ({error.code})") from None
         if error.status in (401, 403):

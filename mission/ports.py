@@ -1,11 +1,13 @@
 """What a mission needs from the outside: four small ports that speak the contracts' types.
 
 PortError               a port brought no answer of its contract
-  ModelUnreachable      the model behind it can't be reached, not in time, or there is none: nothing to score
+  ModelUnreachable      the model behind it can't be reached, or not in time: no answer, so nothing to score
+    UnknownModel        the gateway has no model of that name; the message names those there are
   ServiceUnreachable    the service itself can't be reached, or refuses our token
   ServiceRefused        the service answered with an error of its own
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,9 +21,9 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.vehicle import Move, MoveResult, Observation
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -42,6 +44,10 @@ class PortError(Exception):
 
 class ModelUnreachable(PortError):
     """The model behind a service can't be reached, or not in time."""
+
+
+class UnknownModel(ModelUnreachable):
+    """There is no model of that name; the message names those there are."""
 
 
 class ServiceUnreachable(PortError):
@@ -67,7 +73,7 @@ class Vision(Protocol):
     """The four typed questions about pictures, and the one before take-off whether they can be asked."""
 
     async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
-        """Raises ModelUnreachable as well where there is no such model."""
+        """Raises UnknownModel; ServiceRefused where the model takes no pictures."""
         ...
 
     async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer: ...
@@ -96,9 +102,7 @@ class World(Protocol):
 
     async def start(self, question: EpisodeQuestion) -> Episode: ...
 
-    async def observe(
-        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
-    ) -> Observation: ...
+    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation: ...
 
     async def move(self, episode: str, number: int, move: Move) -> MoveResult:
         """Move `number` (1, 2, ...); the same number again is the same move."""

@@ -5,7 +5,7 @@ import logging
 from collections.abc import Callable
 from pathlib import Path
 
-from contracts.cameras import DEFAULT_RIG, shipped_rig
+from contracts.cameras import default_rig
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
@@ -55,7 +55,7 @@ class Order:
 
     def placed(self, trial: Trial) -> InTrial:
         """The scene as a trial of that simulator."""
-        rig = shipped_rig(DEFAULT_RIG).scaled_to(self.settings.image_size)
+        rig = default_rig().scaled_to(self.settings.image_size)
         return InTrial(trial, self.scene, self.settings.flight, rig)
 
 

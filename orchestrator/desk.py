@@ -1,13 +1,15 @@
 """The desk where deliveries are taken: a bounded number under way, all others as their records tell."""
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import AsyncIterator
 from pathlib import Path
 
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
-from mission.ports import Ports
+from contracts.vlm_gateway import PreflightQuestion
+from mission.ports import PortError, Ports, ServiceRefused, UnknownModel
 from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
 from mission.vehicle import Trial
 from orchestrator.delivery import BadDelivery, Order, Run
@@ -15,6 +17,8 @@ from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
 
 log = logging.getLogger("orchestrator.desk")
 
+PREFLIGHT_S = 10.0
+"""How long the gateway may take to say whether there is a model; it may have to load it."""
 FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"})
 
 
@@ -62,11 +66,14 @@ class Desk:
         self._live: dict[str, Live] = {}
 
     async def take(self, question: DeliveryQuestion) -> Delivery:
-        """Starts a delivery. Raises BadQuestion, TooMany, Unavailable (the record can't be written)."""
+        """Starts a delivery. Raises BadQuestion (also for a model that there is not), TooMany, Unavailable (the record
+        can't be written)."""
         try:
             order = Order(question)
         except BadDelivery as error:
             raise BadQuestion(str(error)) from None
+        await self._check(order)
+        # no waiting between the count and the start: others would slip in
         under_way = sum(not live.over for live in self._live.values())
         if under_way >= self._max_live:
             raise TooMany(
@@ -85,6 +92,21 @@ class Desk:
         live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
         await asyncio.sleep(0)  # a task that is cancelled before its first step would leave no record
         return live.delivery()
+
+    async def _check(self, order: Order) -> None:
+        """Raises BadQuestion where the order names a model that there is not, or that takes no pictures. A gateway that
+        does not answer is found by the mission itself, whose result says so."""
+        if order.settings.vision_model is None:
+            return
+        question = PreflightQuestion(model=order.settings.vision_model)
+        with contextlib.suppress(PortError, TimeoutError):
+            try:
+                await asyncio.wait_for(self._ports.vision.preflight(question), PREFLIGHT_S)
+            except UnknownModel as error:
+                raise BadQuestion(str(error), code="unknown_model") from None
+            except ServiceRefused as error:
+                if error.status == 422:
+                    raise BadQuestion(str(error)) from None
 
     async def _fly(self, live: Live) -> None:
         try:

@@ -9,12 +9,14 @@ from fastapi import FastAPI, Request
 from fastapi.responses import Response
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic import BaseModel
+from starlette.middleware.cors import CORSMiddleware
 
 from contracts.health import Health
 from service_kit.auth import BearerAuth, access_of
 from service_kit.errors import Unavailable, install_error_renderer
 from service_kit.limits import BodyLimit
 from service_kit.metrics import HttpMetrics, MetricsMiddleware
+from service_kit.requests import EXPOSED, Origins, RequestForms
 
 Check = Callable[[], Awaitable[str | None]]
 """A readiness check: null when all is well, else what is wrong (no secrets)."""
@@ -31,21 +33,32 @@ def create_app(
     about: Mapping[str, str] | None = None,
     token: str | None = None,
     metrics: HttpMetrics | None = None,
+    origins: Origins | None = None,
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
     """A FastAPI app with `/healthz`, `/readyz`, `/metrics`, bounded bodies and our error shape.
 
     `checks` are asked, each for at most 2 s, by `/readyz`, which also tells `about`: which parts were chosen here.
     `notes` are asked and shown like `checks`, but what is wrong with them leaves the service ready.
-    `token` puts a bearer token in front of all but health.
+    `token` puts a bearer token in front of all but health. Web pages of `origins` may ask, besides the service's own.
     """
     app = FastAPI(title=f"LogisticsVLN {service}", version=version("logisticsvln"), lifespan=lifespan)
     figures = metrics or HttpMetrics()
     app.state.metrics = figures
     install_error_renderer(app)
+    pages = origins or Origins()
+    app.add_middleware(RequestForms, origins=pages, max_bytes=max_body_bytes)
     app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
     if token:
         app.add_middleware(BearerAuth, token=token)
+    if pages.allowed:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=sorted(pages.allowed),
+            allow_methods=["*"],
+            allow_headers=["*"],
+            expose_headers=EXPOSED,
+        )
     app.add_middleware(MetricsMiddleware, metrics=figures)
 
     @app.get("/healthz", tags=["health"])

@@ -110,8 +110,14 @@ class ServiceClient:
     async def usable(self, timeout_s: float = 2.0) -> str | None:
         """Null when the service is ready and accepts our token, else what is wrong and what to do."""
         health = await self._health(timeout_s)
-        if isinstance(health, str):
-            return health
+        return health if isinstance(health, str) else self._token_problem(health)
+
+    async def token_problem(self, timeout_s: float = 2.0) -> str | None:
+        """What is wrong with our token and what to do; null where it is right, and where nobody answers."""
+        health = await self._health(timeout_s)
+        return None if isinstance(health, str) else self._token_problem(health)
+
+    def _token_problem(self, health: Health) -> str | None:
         variable = TOKEN_VARIABLES.get(self._service, "its token")
         if health.access == "missing_token":
             return f"asks for a token; set {variable} or {variable}_FILE here to the one it was started with"

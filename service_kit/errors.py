@@ -15,6 +15,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 
 from contracts.errors import ErrorBody, ErrorDetail
 
@@ -102,6 +103,10 @@ def install_error_renderer(app: FastAPI) -> None:
     async def _framework(_: Request, error: HTTPException) -> Response:
         code = _CODES.get(error.status_code, "http_error")
         return error_response(error.status_code, code, str(error.detail), headers=dict(error.headers or {}))
+
+    @app.exception_handler(ClientDisconnect)
+    async def _left(_: Request, __: ClientDisconnect) -> Response:
+        return error_response(499, "caller_left", "the caller left before its request was through")
 
     @app.exception_handler(Exception)
     async def _bug(request: Request, error: Exception) -> Response:

@@ -52,7 +52,8 @@ class BodyLimit:
         answer = error_response(
             413, "body_too_large", f"the body is over this route's limit of {self._max_bytes} bytes; send less"
         )
-        answer.headers["connection"] = "close"
+        if any(name == b"expect" for name, _ in scope["headers"]):
+            answer.headers["connection"] = "close"  # the caller may leave its body out, and nobody could tell
         await answer(scope, receive, send)
 
 

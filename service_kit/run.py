@@ -10,12 +10,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import TypeVar
 
 import uvicorn
 from starlette.types import ASGIApp
 
 from service_kit.connections import Connections
+from service_kit.http_limits import ConnectionLimits, OpenConnections, default_limits
+from service_kit.http_protocol import ServiceProtocol
 from service_kit.settings import BadSetting, ServiceSettings, process_environment
 
 PARENT_WATCH_S = 0.5
@@ -64,10 +67,11 @@ def main(service: str, kind: type[S], bootstrap: Callable[[S], ASGIApp]) -> None
 
 
 def run(app: ASGIApp, settings: ServiceSettings) -> None:
-    """Serve until SIGTERM or SIGINT."""
+    """Serve until SIGTERM or SIGINT; what is under way then has `drain_timeout_s` to end."""
     if settings.parent_pid:
         threading.Thread(target=_end_with, args=(settings.parent_pid,), name="parent", daemon=True).start()
-    server = uvicorn.Server(server_config(app, settings.host, settings.port, timeout_graceful_shutdown=5))
+    limits = connection_limits(settings)
+    server = uvicorn.Server(server_config(app, settings.host, settings.port, settings.drain_timeout_s, limits))
     # what is there by now stays: nobody needs to look through it again and again for what may be thrown away, and
     # what requests leave behind in circles can wait until there is more of it
     gc.collect()
@@ -77,19 +81,36 @@ def run(app: ASGIApp, settings: ServiceSettings) -> None:
         server.run()
 
 
-def server_config(app: ASGIApp, host: str, port: int, timeout_graceful_shutdown: int) -> uvicorn.Config:
-    """How every service is served. An app with an `http_protocol` speaks HTTP by that instead of uvicorn's own."""
+def connection_limits(settings: ServiceSettings) -> ConnectionLimits:
+    """What callers may hold."""
+    return ConnectionLimits(
+        max_connections=settings.max_connections or default_limits().max_connections,
+        head_within_s=settings.head_timeout_s,
+        body_within_s=settings.body_timeout_s,
+        write_within_s=settings.write_timeout_s,
+        keep_alive_s=settings.keep_alive_s,
+        max_body_bytes_held=settings.max_held_mb << 20,
+    )
+
+
+def server_config(
+    app: ASGIApp, host: str, port: int, drain_s: int, limits: ConnectionLimits | None = None
+) -> uvicorn.Config:
+    """How every service is served. An app with an `http_protocol` speaks HTTP by that; it is called with the server's
+    `OpenConnections` and what uvicorn gives."""
+    connections = OpenConnections(limits or default_limits())
     return uvicorn.Config(
         app,
         host=host,
         port=port,
-        http=getattr(app, "http_protocol", "httptools"),
+        http=partial(getattr(app, "http_protocol", ServiceProtocol), connections),  # type: ignore[arg-type]
+        ws="none",
         log_config=None,
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        timeout_graceful_shutdown=timeout_graceful_shutdown,
-        timeout_keep_alive=30,
+        timeout_graceful_shutdown=drain_s,
+        timeout_keep_alive=connections.limits.keep_alive_s,
     )
 
 

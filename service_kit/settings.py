@@ -127,6 +127,21 @@ class ServiceSettings(Settings):
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         "warning", description="The least severe log lines that are written (JSON, to standard error)."
     )
+    drain_timeout_s: int = Field(
+        5, ge=0, le=86_400, description="Seconds that requests under way have to end after SIGTERM."
+    )
+    max_connections: int = Field(
+        0, ge=0, le=1_000_000, description="Connections of callers at a time; 0: as many as there are file descriptors."
+    )
+    head_timeout_s: float = Field(15.0, ge=0.1, le=3600.0, description="Seconds a request's head may take.")
+    body_timeout_s: float = Field(30.0, ge=0.1, le=3600.0, description="Seconds a request's body may take after that.")
+    write_timeout_s: float = Field(
+        10.0, ge=0.1, le=3600.0, description="Seconds that a caller may take nothing of an answer that waits for it."
+    )
+    keep_alive_s: int = Field(30, ge=1, le=3600, description="Seconds that an unused connection stays open.")
+    max_held_mb: int = Field(
+        512, ge=1, le=1_000_000, description="MiB of request bodies held at a time, over all callers."
+    )
     parent_pid: int = Field(
         0, ge=0, le=2**31 - 1, description="The process that started this one: the service ends with it. 0: none."
     )

@@ -6,17 +6,23 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Protocol
 
 import certifi
 import pytest
 import uvicorn
 from starlette.types import ASGIApp
 
+from service_kit.http_limits import ConnectionLimits
 from service_kit.run import server_config
 
-Serve = Callable[[ASGIApp], str]
+
+class Serve(Protocol):
+    """Runs an app on real HTTP, within these bounds of connections, and returns its URL."""
+
+    def __call__(self, app: ASGIApp, limits: ConnectionLimits | None = None) -> str: ...
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -47,9 +53,9 @@ def serve() -> Iterator[Serve]:
     """`serve(app)` runs an ASGI app on real HTTP in a thread and returns its URL; all stop after the module."""
     running: list[tuple[uvicorn.Server, threading.Thread]] = []
 
-    def start(app: ASGIApp) -> str:
+    def start(app: ASGIApp, limits: ConnectionLimits | None = None) -> str:
         port = free_port()
-        server = uvicorn.Server(server_config(app, "127.0.0.1", port, timeout_graceful_shutdown=2))
+        server = uvicorn.Server(server_config(app, "127.0.0.1", port, 2, limits))
         thread = threading.Thread(target=server.run, daemon=True)
         thread.start()
         running.append((server, thread))

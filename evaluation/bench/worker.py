@@ -11,17 +11,18 @@ import shutil
 import sys
 import time
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 from pydantic import Field
 
 from contracts.base import Name, Wire
-from contracts.cameras import DEFAULT_RIG, shipped_rig
+from contracts.cameras import default_rig
 from contracts.event_data import EventData
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
-from contracts.sim import Claim, Episode, EpisodeQuestion, Move, MoveResult, Observation, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.vehicle import Move, MoveResult, Observation
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -106,11 +107,9 @@ class ClockedWorld:
             self.ahead = Ahead(self._upcoming, asyncio.create_task(self._world.start(self._upcoming)))
         return episode
 
-    async def observe(
-        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = 800
-    ) -> Observation:
-        seen = await self._world.observe(episode, headings=headings, size=size)
-        self.render_s += seen.render_s
+    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
+        seen = await self._world.observe(episode, cameras)
+        self.render_s += seen.timings_s.get("render", 0.0)
         return seen
 
     async def move(self, episode: str, number: int, move: Move) -> MoveResult:
@@ -246,7 +245,7 @@ class Worker:
         record = self._record(task, settings, folder) if folder is not None else None
         log: Log = record or Unwritten()
         try:
-            rig = shipped_rig(DEFAULT_RIG).scaled_to(settings.image_size)
+            rig = default_rig().scaled_to(settings.image_size)
             placement = InTrial(trial, task.scene, settings.flight, rig)
             flight = asyncio.create_task(Mission(ports, placement, settings, log).fly(task.request))
             leaving = asyncio.create_task(gone.wait())
@@ -268,7 +267,9 @@ class Worker:
                 record.close()
 
     def _question(self, task: Task) -> EpisodeQuestion:
-        return EpisodeQuestion(scene=task.scene, flight=self._job.mission.flight)
+        mission = self._job.mission
+        rig = default_rig().scaled_to(mission.image_size)
+        return EpisodeQuestion(scene=task.scene, flight=mission.flight, rig=rig)
 
     def _settings(self, task: Task) -> MissionSettings:
         """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""

@@ -11,7 +11,8 @@ import numpy as np
 from contracts.geometry import VIEW_HEADINGS_DEG, Pose
 from contracts.images import DepthMap, decode_depth, jpeg_bytes
 from contracts.scene_layout import wall_height_m
-from contracts.sim import Catalogue, Observation
+from contracts.sim import Catalogue
+from contracts.vehicle import Observation
 from evaluation.model_evaluation.cases import (
     CASES_FILE,
     CATALOGUE_FILE,

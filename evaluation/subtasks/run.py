@@ -14,10 +14,10 @@ from contracts.depth_assist import (
     ViewDepth,
 )
 from contracts.geometry import Heading, PointLabel
-from contracts.images import decode_jpeg, encode_jpeg
+from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.orchestrator import MissionSettings, ModelCalls
-from contracts.sim import Observation
+from contracts.vehicle import Observation
 from contracts.vlm_gateway import (
     Answer,
     ChooseDirectionQuestion,
@@ -34,6 +34,7 @@ from evaluation.subtasks.stage import Stage, staged
 from evaluation.subtasks.stops import Stop, before_goal, before_start, on_lap
 from evaluation.task_set.task import Task
 from mission.annotation import mark_points
+from mission.looks import Sight
 from mission.model_calls import Answered, CallBook
 from mission.places import ahead
 from mission.policies import policy_of
@@ -162,7 +163,7 @@ class Examiner:
                     model=self._plan.backend,
                     oracle_episode=stage.episode,
                     object=task.object,
-                    views=tuple(View(heading_deg=v.heading_deg, image=v.image) for v in seen.views),
+                    views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in _sights(seen)),
                 )
                 answer = await self._ask("recognition", self._ports.vision.find_object(question))
                 matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
@@ -184,9 +185,9 @@ class Examiner:
         """Viewpoint and points as a mission finds them; null where there is nothing to choose between."""
         seen = stage.look(depth=True)
         depths = {
-            view.heading_deg: ViewDepth(heading_deg=view.heading_deg, depth=view.depth)
-            for view in seen.views
-            if view.depth is not None
+            sight.heading_deg: ViewDepth(heading_deg=sight.heading_deg, depth=sight.view.depth)
+            for sight in _sights(seen)
+            if sight.view.depth is not None
         }
         policy = points_policy(policy_of(self._plan.settings.viewpoint))
         asked = policy.viewpoint_question(list(depths.values()), None, PointsMemory(), 0)
@@ -212,13 +213,13 @@ class Examiner:
         offered: list[DirectionPoint],
         direction: str,
     ) -> PointLabel | None:
-        view = next(view for view in seen.views if view.heading_deg == heading)
+        sight = next(sight for sight in _sights(seen) if sight.heading_deg == heading)
         points = marks_of(offered)
         question = ChooseDirectionQuestion(
             model=self._plan.backend,
             oracle_episode=stage.episode,
             heading_deg=heading,
-            image=encode_jpeg(mark_points(decode_jpeg(view.image), points)),
+            image=encode_jpeg(mark_points(sight.rgb, points)),
             points=points,
             task=search_task(task.object, task.floor, direction),
         )
@@ -249,3 +250,7 @@ class Examiner:
 
     def _rng(self, task: Task) -> np.random.Generator:
         return np.random.default_rng((task.seed, zlib.crc32(b"subtasks")))
+
+
+def _sights(seen: Observation) -> tuple[Sight, ...]:
+    return tuple(Sight(seen.pose, view) for view in seen.views)

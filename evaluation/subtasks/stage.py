@@ -4,10 +4,12 @@ import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from contracts.cameras import default_rig
 from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Point3, Pose
 from contracts.scene import Scene
 from contracts.scene_layout import wall_height_m
-from contracts.sim import Move, Observation, TruthQuestion, TruthView
+from contracts.sim import TruthQuestion, TruthView
+from contracts.vehicle import Move, Observation
 from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.subtasks.stops import Stop, reached
 
@@ -21,9 +23,10 @@ class Stage:
         self._simulator = simulator
         self._size = size
         self._top_m = max(wall_height_m(building) for building in scene.buildings) + _ABOVE_M
-        opened = simulator.open(scene)
+        self._rig = default_rig().scaled_to(size)
+        opened = simulator.open(scene, self._rig)
         self.episode = opened.id
-        self._pose: Pose = opened.pose
+        self._pose: Pose = opened.vehicle.pose
         self._moves = 0
 
     def go(self, stop: Stop) -> bool:
@@ -35,7 +38,8 @@ class Stage:
         return reached(stop, self._pose)
 
     def look(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, *, depth: bool = False) -> Observation:
-        return self._simulator.observe(self.episode, headings, self._size, depth)
+        names = {camera.heading_deg: camera.name for camera in self._rig.cameras}
+        return self._simulator.observe(self.episode, [names[heading] for heading in headings], depth)
 
     def truth(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG) -> tuple[TruthView, ...]:
         """What the views really show."""

@@ -7,7 +7,8 @@ from typing import NamedTuple
 from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
 from contracts.scene_layout import WindowSlot
-from contracts.sim import Claim, Move, TruthQuestion
+from contracts.sim import Claim, TruthQuestion
+from contracts.vehicle import Move
 from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.task_set.shortest import ShortestWay, goal_slot, ways
 

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import default_rig
 from contracts.geometry import Point3
 from contracts.images import decode_jpeg
 from contracts.scene_layout import floor_outline
-from contracts.sim import Move
+from contracts.vehicle import Move
 from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.task_set.proof import NotSolvable, prove
 from evaluation.task_set.shortest import ShortestWay, goal_slot
@@ -93,11 +94,11 @@ def window_view(task: Task, simulator: SimClient, side: int = _SIDE) -> Image:
     facing = math.atan2(-slot.normal[1], -slot.normal[0])
     top = max(b.floors * b.floor_height_m for b in task.scene.buildings) + 12.0
     over = ((start.x, start.y, top), (x, y, top), (x, y, slot.centre[2]))
-    episode = simulator.open(task.scene)
+    episode = simulator.open(task.scene, default_rig().scaled_to(side))
     try:
         place = tuple(Point3(x=a, y=b, z=c) for a, b, c in over)
         simulator.move(episode.id, 1, Move(path=place, yaw=facing))
-        return decode_jpeg(simulator.observe(episode.id, (0,), side).views[0].image)
+        return decode_jpeg(simulator.observe(episode.id, ("front",)).views[0].image)
     finally:
         simulator.close(episode.id)
 

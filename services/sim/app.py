@@ -5,34 +5,33 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from typing import Annotated
 
-from fastapi import Body, FastAPI, Path, Query
+from fastapi import Body, FastAPI, Path, Query, Request
 from fastapi.responses import Response
 from prometheus_client import Gauge
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading
-from contracts.sim import (
-    Catalogue,
-    Claim,
-    Episode,
-    EpisodeQuestion,
+from contracts.base import Name
+from contracts.sim import Catalogue, Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
+from contracts.vehicle import (
     Move,
+    MoveProgress,
     MoveResult,
     Observation,
-    Truth,
-    TruthQuestion,
-    Verdict,
+    TakeOff,
+    VehicleCapabilities,
+    VehicleState,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion, NotFound
+from service_kit.errors import NotFound
 from service_kit.metrics import HttpMetrics
 from services.sim.episodes import Episodes
 from services.sim.render.thread import RendererBusy, RenderThread
 
 MAX_BODY_BYTES = 2 * 1024 * 1024
-ALL_VIEWS = ",".join(str(heading) for heading in VIEW_HEADINGS_DEG)
 NOTHING_NAMED = Claim()
+USUAL_HEIGHT = TakeOff()
 
 EpisodeId = Annotated[str, Path(min_length=1, max_length=80)]
+MoveNumber = Annotated[int, Path(ge=0, le=10**9)]
 
 
 def build_app(
@@ -80,30 +79,23 @@ def build_app(
         """Every class of object, with its colours and the places it can be put."""
         return catalogue
 
+    _add_vehicle_routes(app, episodes)
+
     @app.post("/v1/episodes", status_code=201)
-    async def start_episode(question: EpisodeQuestion) -> Episode:
-        """A drone at the scene's start. The id can't be guessed; only who has it can fly."""
-        return await episodes.start(question)
+    async def start_episode(question: EpisodeQuestion, request: Request) -> Episode:
+        """A drone at the scene's start. The id can't be guessed; only who has it can fly. The same `key` again is the
+        same episode; an episode whose caller leaves before it is there is not kept."""
+        return await episodes.start(question, request.is_disconnected)
 
-    @app.get("/v1/episodes/{episode_id}")
-    async def get_episode(episode_id: EpisodeId) -> Episode:
-        """Where the drone is and how far it has come. Asking doesn't keep an episode alive."""
-        return episodes.state(episode_id)
+    @app.delete("/v1/episodes", status_code=204)
+    async def free_episode(key: Name) -> None:
+        """Ends the episode that was begun, or is being begun, under this key; an unknown key is no error."""
+        await episodes.free(key)
 
-    @app.get("/v1/episodes/{episode_id}/observation", response_model=Observation)
-    async def observe(
-        episode_id: EpisodeId,
-        views: Annotated[str, Query(max_length=40, description="headings in degrees, by commas")] = ALL_VIEWS,
-        size: Annotated[int, Query(ge=64, le=1600, description="pixels, square")] = 800,
-        depth: bool = True,
-    ) -> Response:
-        """RGB pictures, and depth unless `depth=false`, of one moment."""
-        return json_response(await episodes.look(episode_id, headings(views), size, depth))
-
-    @app.put("/v1/episodes/{episode_id}/moves/{n}")
-    async def move_drone(episode_id: EpisodeId, n: Annotated[int, Path(ge=0, le=10**9)], move: Move) -> MoveResult:
-        """Move number `n`, counted from 1. Sent again with the same body it is answered again and not flown again."""
-        return await episodes.move(episode_id, n, move)
+    @app.get("/v1/episodes/{episode_id}/trial")
+    async def get_trial(episode_id: EpisodeId) -> Episode:
+        """The scene, who draws it, whether it was claimed, when it expires. Asking doesn't keep an episode alive."""
+        return episodes.trial(episode_id)
 
     @app.post("/v1/episodes/{episode_id}/claim")
     async def claim_delivery(episode_id: EpisodeId, claim: Annotated[Claim, Body()] = NOTHING_NAMED) -> Verdict:
@@ -120,27 +112,72 @@ def build_app(
             )
         return await episodes.truth(episode_id, question)
 
-    @app.delete("/v1/episodes/{episode_id}", status_code=204)
-    async def end_episode(episode_id: EpisodeId) -> None:
-        """Frees all that the episode holds."""
-        await episodes.end(episode_id)
-
     return app
 
 
-def headings(views: str) -> tuple[Heading, ...]:
-    """`-90,0,45` as headings, in the order asked for. Raises BadQuestion."""
-    known = {str(heading): heading for heading in VIEW_HEADINGS_DEG}
-    asked = [view.strip().removeprefix("+") for view in views.split(",")]
-    wrong = next((view for view in asked if view not in known), None)
-    if wrong is not None:
-        raise BadQuestion(
-            f"views={views}: there is no view {wrong!r}; choose from {', '.join(known)}, separated by commas",
-            code="bad_views",
-        )
-    if len(set(asked)) != len(asked):
-        raise BadQuestion(f"views={views}: ask for each view once", code="bad_views")
-    return tuple(known[view] for view in asked)
+def _add_vehicle_routes(app: FastAPI, episodes: Episodes) -> None:
+    """The vehicle's contract (`contracts.vehicle`); its base address is the episode's."""
+    base = "/v1/episodes/{episode_id}"
+
+    @app.get(base)
+    async def get_state(episode_id: EpisodeId) -> VehicleState:
+        """Where the drone is, also on its way, and how far it has come. Asking doesn't keep an episode alive."""
+        return episodes.state(episode_id)
+
+    @app.get(f"{base}/capabilities")
+    async def get_capabilities(episode_id: EpisodeId) -> VehicleCapabilities:
+        """What the drone is and which cameras it carries."""
+        return episodes.capabilities(episode_id)
+
+    @app.get(f"{base}/observation", response_model=Observation)
+    async def observe(
+        episode_id: EpisodeId,
+        cameras: Annotated[str | None, Query(max_length=1500, description="names by commas; all without it")] = None,
+        depth: bool = True,
+    ) -> Response:
+        """Pictures, and depth unless `depth=false`, of one moment."""
+        names = None if cameras is None else tuple(name.strip() for name in cameras.split(","))
+        return json_response(await episodes.look(episode_id, names, depth))
+
+    @app.post(f"{base}/take-off")
+    async def take_off(episode_id: EpisodeId, question: Annotated[TakeOff, Body()] = USUAL_HEIGHT) -> VehicleState:
+        """Straight up from where it stands; a drone that flies stays where it is."""
+        return await episodes.take_off(episode_id, question.height_m)
+
+    @app.put(f"{base}/moves/{{n}}")
+    async def move_drone(episode_id: EpisodeId, n: MoveNumber, move: Move) -> MoveResult:
+        """Move number `n`, counted from 1. Sent again with the same body it is answered again and not flown again."""
+        return await episodes.move(episode_id, n, move)
+
+    @app.get(f"{base}/moves/{{n}}")
+    async def get_progress(episode_id: EpisodeId, n: MoveNumber) -> MoveProgress:
+        """How far the last move has come."""
+        return episodes.progress(episode_id, n)
+
+    @app.delete(f"{base}/moves/{{n}}")
+    async def cancel_move(episode_id: EpisodeId, n: MoveNumber) -> MoveResult:
+        """Stops the drone on its way; a move that is over stays what it is. The next number is used up unflown."""
+        return await episodes.cancel(episode_id, n)
+
+    @app.post(f"{base}/hold")
+    async def hold(episode_id: EpisodeId) -> VehicleState:
+        """Stops the drone on its way."""
+        return await episodes.hold(episode_id)
+
+    @app.post(f"{base}/return")
+    async def return_home(episode_id: EpisodeId) -> VehicleState:
+        """Over all roofs to where it started, there it holds. A move under way is cancelled."""
+        return await episodes.return_home(episode_id)
+
+    @app.post(f"{base}/land")
+    async def land(episode_id: EpisodeId) -> VehicleState:
+        """Straight down. A move under way is cancelled."""
+        return await episodes.land(episode_id)
+
+    @app.delete(base, status_code=204)
+    async def end_episode(episode_id: EpisodeId) -> None:
+        """Frees all that the episode holds."""
+        await episodes.end(episode_id)
 
 
 async def _give_up_idle(episodes: Episodes) -> None:

@@ -1,52 +1,162 @@
-"""One numbered move: along its legs, stopped by whatever is in the way, then the turn."""
+"""The drone of one episode: where it is, what it has flown, what it is doing, and how its battery stands.
 
-import math
-from typing import NamedTuple, Protocol
+A flight is begun, which plans it to its end, and then advanced over its own time by whoever keeps the clock; it can be
+broken off at any moment. Metres, ENU; the world outside is told poses as the drone's odometry believes them.
+"""
 
-from contracts.geometry import Pose
-from contracts.sim import Flight, Move
-from services.sim.kinematics import Vector, heading_of, speed_profile, straight_legs, turn_time_s, wrapped
-from services.sim.world import Sweep
+from collections.abc import Sequence
+from typing import Literal
 
+from contracts.geometry import Point3, Pose
+from contracts.sim import Flight
+from contracts.vehicle import Battery, FlightMode, Health, PoseUncertainty, VehicleState
+from services.sim.kinematics import Vector
+from services.sim.odometry import Odometry
+from services.sim.trajectory import Flown, Trajectory, plan
+from services.sim.world import World
 
-class Sweeper(Protocol):
-    """What the drone needs of a world."""
-
-    def sweep(self, start: Vector, end: Vector) -> Sweep: ...
-
-
-class Flown(NamedTuple):
-    """What came of a move. `path_m` is flown in 3-D, `path_horizontal_m` on the plan; `hit` names what stopped it."""
-
-    pose: Pose
-    path_m: float
-    path_horizontal_m: float
-    flight_s: float
-    hit: str | None
+Doing = Literal["taking_off", "moving", "returning", "landing"]
+OVER_THE_ROOFS_M = 3.0
+UNDERGROUND_M = -1.0
+"""Landing aims at this height, and touches down on what is in the way."""
 
 
-def fly(world: Sweeper, flight: Flight, pose: Pose, move: Move) -> Flown:
-    """Flies `move` from `pose`. A drone that hits something stays where it touched it and does not turn.
+class Drone:
+    """Starts in the air, where it holds. One call at a time, but `advance`, `pose` and `state` may come meanwhile."""
 
-    Without a stated yaw the nose ends in the direction of the last horizontal travel, or stays as it is.
-    """
-    here: Vector = (pose.x, pose.y, pose.z)
-    legs = straight_legs(here, [(p.x, p.y, p.z) for p in move.path])
-    path_m = horizontal_m = flight_s = 0.0
-    for leg in legs:
-        profile = speed_profile(leg.length_m, flight.max_speed_m_s, flight.max_acceleration_m_s2)
-        free_m, hit = world.sweep(leg.start, leg.end)
-        here = leg.end if hit is None else leg.point_at(free_m)
-        path_m += free_m
-        horizontal_m += math.dist(leg.start[:2], here[:2])
-        flight_s += profile.time_at(free_m)
-        if hit is not None:
-            return Flown(_pose(here, pose.yaw), path_m, horizontal_m, flight_s, hit)
-    wanted = move.yaw if move.yaw is not None else heading_of(legs)
-    yaw = pose.yaw if wanted is None else wanted
-    flight_s += turn_time_s(pose.yaw, yaw, flight.max_yaw_rate_rad_s)
-    return Flown(_pose(here, yaw), path_m, horizontal_m, flight_s, None)
+    def __init__(self, world: World, flight: Flight, start: Pose, odometry: Odometry, roof_m: float) -> None:
+        self._world = world
+        self._flight = flight
+        self._odometry = odometry
+        self._home = Point3(x=start.x, y=start.y, z=start.z)
+        self._roof_m = roof_m
+        self._pose = start
+        self._mode: FlightMode = "holding"
+        self._path_m = self._path_horizontal_m = self._flight_s = 0.0
+        self._hit: str | None = None
+        self._trajectory: Trajectory | None = None
+        self._now: Flown | None = None
+        self._time_s = 0.0
+
+    @property
+    def pose(self) -> Pose:
+        """The true one, also on the way."""
+        return self._now.pose if self._now is not None else self._pose
+
+    @property
+    def flies(self) -> bool:
+        """A flight is under way."""
+        return self._trajectory is not None
+
+    @property
+    def landed(self) -> bool:
+        return self._mode == "landed"
+
+    @property
+    def collided(self) -> bool:
+        """Ever."""
+        return self._hit is not None
+
+    @property
+    def share(self) -> float:
+        """How much of the flight under way is flown, 0..1 of its time; 1 without one."""
+        trajectory = self._trajectory
+        return 1.0 if trajectory is None or not trajectory.duration_s else self._time_s / trajectory.duration_s
+
+    @property
+    def left_s(self) -> float:
+        """Seconds that the flight under way still takes."""
+        return self._trajectory.duration_s - self._time_s if self._trajectory is not None else 0.0
+
+    def believed(self, pose: Pose) -> Pose:
+        """A pose of this flight as the drone's odometry has it."""
+        return self._odometry.believed(pose, self._now.path_horizontal_m if self._now is not None else 0.0)
+
+    def true(self, place: Point3) -> Point3:
+        """The place that one means which the drone believes in, between flights."""
+        return self._odometry.true(place)
+
+    def state(self, name: str, moves: int) -> VehicleState:
+        """As the drone measures itself now."""
+        now = self._now
+        horizontal_m = self._path_horizontal_m + (now.path_horizontal_m if now else 0.0)
+        flight_s = self._flight_s + (now.flight_s if now else 0.0)
+        return VehicleState(
+            id=name,
+            mode=self._mode,
+            pose=self.believed(self.pose),
+            uncertainty=PoseUncertainty(horizontal_m=self._flight.drift * horizontal_m, vertical_m=0.0, yaw_rad=0.0),
+            battery=Battery(remaining=max(0.0, 1.0 - flight_s / self._flight.endurance_s)),
+            health=self._health(flight_s),
+            moves=moves,
+            path_m=self._path_m + (now.path_m if now else 0.0),
+            path_horizontal_m=horizontal_m,
+            flight_s=flight_s,
+            collided=self.collided,
+        )
+
+    def move(self, path: Sequence[Point3], yaw: float | None) -> None:
+        """Begins a flight along corners that are meant in the frame which the drone believes in as it sets out."""
+        self._begin("moving", [_vector(self._odometry.true(corner)) for corner in path], yaw)
+
+    def take_off(self, height_m: float) -> None:
+        """Straight up from where it stands."""
+        here = self._pose
+        self._begin("taking_off", [(here.x, here.y, here.z + height_m)], None)
+
+    def return_home(self) -> None:
+        """Up over all roofs, straight to where it believes that it started, and down to the height it had there."""
+        here, home = self._pose, self._odometry.true(self._home)
+        over_m = max(here.z, home.z, self._roof_m + OVER_THE_ROOFS_M)
+        self._begin("returning", [(here.x, here.y, over_m), (home.x, home.y, over_m), _vector(home)], None)
+
+    def land(self) -> None:
+        """Straight down onto whatever is there."""
+        self._begin("landing", [(self._pose.x, self._pose.y, UNDERGROUND_M)], None)
+
+    def advance(self, time_s: float) -> Flown | None:
+        """To `time_s` seconds after the flight was begun; once it is over, what came of it."""
+        trajectory = self._trajectory
+        if trajectory is None:
+            return None
+        if time_s >= trajectory.duration_s:
+            return self._end(trajectory.end)
+        self._time_s = time_s
+        self._now = trajectory.at(time_s)
+        return None
+
+    def stop(self) -> Flown | None:
+        """Brakes, and holds; how far the flight came, null where none was under way."""
+        if self._trajectory is None:
+            return None
+        return self._end(self._trajectory.stopped_at(self._time_s))
+
+    def _begin(self, doing: Doing, path: Sequence[Vector], yaw: float | None) -> None:
+        trajectory = plan(self._world, self._flight, self._pose, path, yaw)
+        self._time_s, self._now, self._mode = 0.0, None, doing
+        self._trajectory = trajectory
+
+    def _end(self, flown: Flown) -> Flown:
+        touched_down = self._mode == "landing" and flown.hit is not None
+        self._mode = "landed" if touched_down else "holding"
+        if not touched_down:
+            self._hit = self._hit or flown.hit
+        self._trajectory = self._now = None
+        self._pose = flown.pose
+        self._odometry.flown(flown.path_horizontal_m)
+        self._path_m += flown.path_m
+        self._path_horizontal_m += flown.path_horizontal_m
+        self._flight_s += flown.flight_s
+        return flown
+
+    def _health(self, flight_s: float) -> Health:
+        problems = []
+        if self._hit is not None:
+            problems.append(f"it has hit {self._hit}")
+        if flight_s >= self._flight.endurance_s:
+            problems.append("its battery is empty")
+        return Health(ok=not problems, problems=tuple(problems))
 
 
-def _pose(position: Vector, yaw: float) -> Pose:
-    return Pose(x=position[0], y=position[1], z=position[2], yaw=wrapped(yaw))
+def _vector(place: Point3) -> Vector:
+    return place.x, place.y, place.z

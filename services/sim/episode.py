@@ -1,122 +1,218 @@
-"""One drone in one scene, from its start to its claim: state and rules, without clocks, threads or pictures."""
+"""One trial: a drone in a scene, from its start to its claim. State and rules, without clocks, threads or pictures."""
 
+from typing import Literal, NamedTuple
+
+from contracts.cameras import Rig
 from contracts.geometry import Pose
-from contracts.sim import Claim, Episode, Flight, Move, MoveResult, Renderer, Verdict
-from service_kit.errors import Conflict
-from services.sim.drone import fly
+from contracts.sim import Claim, Episode, EpisodeQuestion, Renderer, Verdict
+from contracts.vehicle import Move, MoveProgress, MoveResult, VehicleCapabilities, VehicleState
+from service_kit.errors import Conflict, NotFound
+from services.sim.drone import Drone
 from services.sim.judge import judge
 from services.sim.kinematics import wrapped
 from services.sim.odometry import Odometry
 from services.sim.scenes import ReadyScene, check_start
+from services.sim.trajectory import Flown
 from services.sim.world import World
 
 
+class _Numbered(NamedTuple):
+    """The last numbered move, and what came of it; null while it is flown. `move` is null for a number that was
+    cancelled before anybody sent its move. `share`: how much of it was flown."""
+
+    move: Move | None
+    result: MoveResult | None
+    share: float = 0.0
+
+
 class LiveEpisode:
-    """Not thread-safe: one call at a time. `expires_in_s` is told by whoever keeps the clock. `pose` is the true one;
-    the world outside is told the one that `odometry` believes."""
+    """Not thread-safe: one call at a time; only `advance` and what tells without changing may come meanwhile."""
 
     def __init__(
-        self, episode_id: str, ready: ReadyScene, flight: Flight, renderer: Renderer, renderer_detail: str
+        self, episode_id: str, ready: ReadyScene, question: EpisodeQuestion, renderer: Renderer, renderer_detail: str
     ) -> None:
         """Raises BadQuestion for a start that is not in the open air."""
         self.id = episode_id
         self.ready = ready
+        self.rig: Rig = question.rig
+        self.flight = question.flight
         self.observations = 0
-        start = ready.scene.start
-        self.pose = Pose(x=start.position.x, y=start.position.y, z=start.position.z, yaw=wrapped(start.yaw))
-        self.odometry = Odometry(flight.drift, (ready.scene.seed, flight.drift_seed))
-        self._flight = flight
         self._renderer: Renderer = renderer
         self._renderer_detail = renderer_detail
         self._moves = 0
-        self._path_m = self._path_horizontal_m = self._flight_s = 0.0
-        self._collided = False
-        self._last: tuple[Move, MoveResult] | None = None
+        self._last: _Numbered | None = None
         self._verdict: Verdict | None = None
-        self._world = World(ready.blueprint, flight.radius_m)
+        self._world = World(ready.blueprint, self.flight.radius_m)
         try:
             check_start(ready, self._world)
         except BaseException:
             self._world.close()
             raise
+        start = ready.scene.start
+        pose = Pose(x=start.position.x, y=start.position.y, z=start.position.z, yaw=wrapped(start.yaw))
+        odometry = Odometry(self.flight.drift, (ready.scene.seed, self.flight.drift_seed))
+        self.drone = Drone(self._world, self.flight, pose, odometry, ready.blueprint.roof_m)
 
     @property
     def moves(self) -> int:
-        """How many the drone has made."""
+        """The number of the last move begun."""
         return self._moves
 
     def close(self) -> None:
         """Gives the physics client back."""
         self._world.close()
 
-    def state(self, expires_in_s: float) -> Episode:
-        """As it stands now."""
+    def capabilities(self) -> VehicleCapabilities:
+        return VehicleCapabilities(
+            kind="simulator",
+            cameras=self.rig.cameras,
+            radius_m=self.flight.radius_m,
+            max_speed_m_s=self.flight.max_speed_m_s,
+            cancels_moves=True,
+            lands=True,
+        )
+
+    def state(self) -> VehicleState:
+        """The drone as it measures itself, also on the way."""
+        return self.drone.state(self.id, self._moves)
+
+    def trial(self, expires_in_s: float) -> Episode:
+        """What the trial adds to the drone. `expires_in_s` is told by whoever keeps the clock."""
         return Episode(
             id=self.id,
             status="flying" if self._verdict is None else "claimed",
             scene=self.ready.scene.name,
-            pose=self.odometry.believed(self.pose),
-            moves=self._moves,
-            path_m=self._path_m,
-            path_horizontal_m=self._path_horizontal_m,
-            flight_s=self._flight_s,
-            collided=self._collided,
             renderer=self._renderer,
             renderer_detail=self._renderer_detail,
-            flight=self._flight,
+            flight=self.flight,
+            rig=self.rig.name,
             expires_in_s=max(0.0, expires_in_s),
+            vehicle=self.state(),
         )
 
-    def move(self, number: int, move: Move, expires_in_s: float) -> MoveResult:
-        """Flies move `number`, or tells again what came of it. Raises Conflict for any other number, for another
-        move under the last number, and after the claim."""
+    def begin(self, number: int, move: Move) -> MoveResult | None:
+        """Begins move `number`, or tells again what came of it; null where it is under way. Raises Conflict for any
+        other number, for another move under the last number, on the ground, and after the claim."""
         if self._last is not None and number == self._moves:
-            sent, result = self._last
-            if sent == move:
-                return result
+            if self._last.move in (move, None):
+                return self._last.result
             raise Conflict(
-                f"move {number} was already flown with another body; the next move is {self._moves + 1}",
+                f"move {number} was already sent with another body; the next move is {self._moves + 1}",
                 code="move_differs",
                 details={"expected": self._moves + 1},
             )
         if self._verdict is not None:
-            raise Conflict("a claim has ended this episode; the drone flies no more", code="episode_claimed")
+            raise Conflict("a claim has ended this episode; the drone flies no more moves", code="episode_claimed")
         if number != self._moves + 1:
             raise Conflict(
                 f"move {number} is out of order; the next move is {self._moves + 1}",
                 code="move_out_of_order",
                 details={"expected": self._moves + 1},
             )
-        # the corners are meant in the frame that the drone believes in as it sets out
-        path = tuple(self.odometry.true(corner) for corner in move.path)
-        flown = fly(self._world, self._flight, self.pose, Move(path=path, yaw=move.yaw))
-        self.pose = flown.pose
-        self.odometry.flown(flown.path_horizontal_m)
-        self._moves = number
-        self._path_m += flown.path_m
-        self._path_horizontal_m += flown.path_horizontal_m
-        self._flight_s += flown.flight_s
-        self._collided = self._collided or flown.hit is not None
+        self._must_stand(f"move {number}")
+        if self.drone.landed:
+            raise Conflict("the drone stands on the ground; POST .../take-off first", code="landed")
+        self.drone.move(move.path, move.yaw)
+        self._moves, self._last = number, _Numbered(move, None)
+        return None
+
+    def take_off(self, height_m: float) -> None:
+        """Begins to; a drone that flies stays where it is. Raises Conflict while a flight is under way."""
+        self._must_stand("taking off")
+        if self.drone.landed:
+            self.drone.take_off(height_m)
+
+    def return_home(self) -> None:
+        """Begins to; a drone on the ground stays there. Raises Conflict while a flight is under way."""
+        self._must_stand("returning")
+        if not self.drone.landed:
+            self.drone.return_home()
+
+    def land(self) -> None:
+        """Begins to. Raises Conflict while a flight is under way."""
+        self._must_stand("landing")
+        if not self.drone.landed:
+            self.drone.land()
+
+    def advance(self, time_s: float) -> bool:
+        """The flight under way, to `time_s` seconds after it was begun; says whether none is left."""
+        flown = self.drone.advance(time_s)
+        if flown is not None:
+            self._finish(flown, share=1.0, cancelled=False)
+        return not self.drone.flies
+
+    def stop(self) -> None:
+        """Brakes on the way, and holds. A move that was under way is cancelled."""
+        share = self.drone.share
+        flown = self.drone.stop()
+        if flown is not None:
+            self._finish(flown, share=share, cancelled=True)
+
+    def cancel(self, number: int) -> MoveResult:
+        """Stops move `number` on the way; one that is over already stays what it is. The next number is used up
+        before its move is sent, so that a cancellation that overtakes its move still holds. Raises NotFound."""
+        if number == self._moves + 1 and not self.drone.flies:
+            self._moves, self._last = number, _Numbered(None, None)
+            self._finish(Flown(self.drone.pose, 0.0, 0.0, 0.0, None), share=0.0, cancelled=True)
+        if self._numbered(number).result is None:
+            self.stop()
+        return self.result(number)
+
+    def result(self, number: int) -> MoveResult:
+        """What came of the last move, which is over. Raises NotFound for any other."""
+        result = self._numbered(number).result
+        if result is None:
+            raise Conflict(f"move {number} is under way", code="move_under_way")
+        return result
+
+    def progress(self, number: int) -> MoveProgress:
+        """How far the last move has come. Raises NotFound for any other."""
+        numbered = self._numbered(number)
+        result = numbered.result
+        if result is None:
+            return MoveProgress(number=number, state="flying", pose=self.state().pose, share=self.drone.share)
+        state: Literal["done", "cancelled"] = "cancelled" if result.cancelled else "done"
+        return MoveProgress(number=number, state=state, pose=result.pose, share=numbered.share)
+
+    def claim(self, claim: Claim) -> Verdict:
+        """Judges and ends the episode; only the first claim counts, later ones get its verdict again. Raises Conflict
+        on the way."""
+        if self._verdict is None:
+            self._must_stand("claiming")
+            drone, scene = self.drone, self.ready.scene
+            place = drone.true(claim.target) if claim.target else None
+            target = (place.x, place.y, place.z) if place else None
+            found = judge(scene, self.ready.things, self._world, drone.pose, drone.collided, target)
+            self._verdict = Verdict(**found._asdict(), collided=drone.collided, vehicle=self.state())
+        return self._verdict
+
+    def _finish(self, flown: Flown, *, share: float, cancelled: bool) -> None:
+        """Writes down what came of a numbered move; other flights leave nothing to be told again."""
+        numbered = self._last
+        if numbered is None or numbered.result is not None:
+            return
         result = MoveResult(
-            number=number,
-            pose=self.odometry.believed(flown.pose),
-            reached=flown.hit is None,
+            number=self._moves,
+            pose=self.drone.believed(flown.pose),
+            reached=flown.hit is None and not cancelled,
+            cancelled=cancelled,
             collided=flown.hit is not None,
             hit=flown.hit,
             path_m=flown.path_m,
             flight_s=flown.flight_s,
-            episode=self.state(expires_in_s),
+            vehicle=self.state(),
         )
-        self._last = (move, result)
-        return result
+        self._last = _Numbered(numbered.move, result, share)
 
-    def claim(self, claim: Claim, expires_in_s: float) -> Verdict:
-        """Judges and ends the episode; only the first claim counts, later ones get its verdict again."""
-        if self._verdict is None:
-            scene, things = self.ready.scene, self.ready.things
-            place = self.odometry.true(claim.target) if claim.target else None
-            target = (place.x, place.y, place.z) if place else None
-            found = judge(scene, things, self._world, self.pose, self._collided, target)
-            ended = self.state(expires_in_s).model_copy(update={"status": "claimed"})
-            self._verdict = Verdict(**found._asdict(), collided=self._collided, episode=ended)
-        return self._verdict
+    def _numbered(self, number: int) -> _Numbered:
+        if self._last is None or number != self._moves:
+            known = f"only the last one, {self._moves}, is remembered" if self._moves else "none was sent yet"
+            raise NotFound(f"there is no move {number}; {known}", code="no_such_move")
+        return self._last
+
+    def _must_stand(self, what: str) -> None:
+        if self.drone.flies:
+            raise Conflict(
+                f"{what} has to wait: the drone is on its way; let it arrive, or stop it with POST .../hold",
+                code="move_under_way",
+            )

@@ -1,7 +1,8 @@
 """All live episodes: who may fly, who waits for whom, and when an idle one is given up.
 
-Calls on one episode run one after the other. Different episodes meet only where they share something real: the
-renderer's thread, the worker threads, and the building of a new scene.
+Calls on one episode run one after the other. A flight is under way between calls: it is begun by one and advanced in
+slices, so that others (a look, the state, a cancellation) find the drone on its way. Different episodes meet only where
+they share something real: the renderer's thread, the worker threads, and the building of a new scene.
 """
 
 import asyncio
@@ -13,32 +14,25 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import NamedTuple, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
-from contracts.cameras import DEFAULT_RIG, shipped_rig
-from contracts.cameras import Camera as RigCamera
-from contracts.geometry import Heading, Pose
-from contracts.images import encode_depth_units, encode_jpeg
-from contracts.sim import (
-    Camera,
-    Claim,
-    Episode,
-    EpisodeQuestion,
+from contracts.cameras import Rig
+from contracts.sim import Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
+from contracts.vehicle import (
     Move,
+    MoveProgress,
     MoveResult,
     Observation,
-    SensedView,
-    Truth,
-    TruthQuestion,
-    Verdict,
+    VehicleCapabilities,
+    VehicleState,
 )
-from service_kit.errors import NotFound, TooMany
+from service_kit.errors import BadQuestion, NotFound, TooMany
+from services.sim.begun import BegunEpisodes, Left
 from services.sim.episode import LiveEpisode
+from services.sim.flight_loop import FlightLoop
 from services.sim.render.thread import RenderThread
+from services.sim.render.views import check_cameras
+from services.sim.scene_cache import CachedScene, SceneCache
 from services.sim.scenes import SceneBuilder
-from services.sim.shelf import SceneShelf, Shelved, draw
-from services.sim.truth import truth_view
+from services.sim.senses import Senses
 
 T = TypeVar("T")
 
@@ -52,20 +46,19 @@ class Limits(NamedTuple):
     kept_scenes: int = 4
 
 
-class _Labels(NamedTuple):
-    """The ids that were drawn beside the last pictures: until the drone moves they are the truth's pictures too."""
+class _Live:
+    """A live episode with what its calls share."""
 
-    pose: Pose
-    size: int
-    views: dict[Heading, NDArray[np.uint16]]
-
-
-class _Seat:
-    def __init__(self, episode: LiveEpisode, shelved: Shelved) -> None:
+    def __init__(self, episode: LiveEpisode, cached: CachedScene, senses: Senses) -> None:
         self.episode = episode
-        self.shelved = shelved
+        self.cached = cached
+        self.senses = senses
+        self.flight = FlightLoop(episode)
         self.turn = asyncio.Lock()
-        self.labels: _Labels | None = None
+
+    @property
+    def busy(self) -> bool:
+        return self.turn.locked() or self.flight.running
 
 
 class Episodes:
@@ -85,24 +78,125 @@ class Episodes:
         self._renderer = renderer
         self._clock = clock
         self._workers = ThreadPoolExecutor(max(4, os.cpu_count() or 1), thread_name_prefix="sim")
-        self._shelf = SceneShelf(build, renderer, self._workers, limits.kept_scenes)
-        self._seats: dict[str, _Seat] = {}
+        self._cache = SceneCache(build, renderer, self._workers, limits.kept_scenes)
+        self._live: dict[str, _Live] = {}
+        self._begun = BegunEpisodes(self._begin, self._drop)
         self._touched: dict[str, float] = {}
         self._starting = 0
 
     @property
     def live(self) -> int:
-        return len(self._seats)
+        return len(self._live)
 
     @property
     def scenes(self) -> int:
         """Built scenes in memory."""
-        return len(self._shelf)
+        return len(self._cache)
 
-    async def start(self, question: EpisodeQuestion) -> Episode:
-        """Raises TooMany, BadQuestion or Unavailable."""
+    async def start(self, question: EpisodeQuestion, left: Left) -> Episode:
+        """An episode, or the one that was begun under the same key. One that every caller has `left` before it was
+        there is not kept. Raises TooMany, BadQuestion, Conflict or Unavailable."""
+        return self.trial(await self._begun.begin(question, left))
+
+    async def free(self, key: str) -> None:
+        """Ends what was begun under a key, or is being begun."""
+        await self._begun.free(key)
+
+    def trial(self, episode_id: str) -> Episode:
+        """What the trial adds to its vehicle. Asking doesn't keep an episode alive. Raises NotFound."""
+        live = self._find(episode_id)
+        return live.episode.trial(self.limits.idle_s - (self._clock() - self._touched[episode_id]))
+
+    def state(self, episode_id: str) -> VehicleState:
+        """The drone as it is now, also on its way. Asking doesn't keep an episode alive. Raises NotFound."""
+        return self._find(episode_id).episode.state()
+
+    def capabilities(self, episode_id: str) -> VehicleCapabilities:
+        """Raises NotFound."""
+        return self._find(episode_id).episode.capabilities()
+
+    async def look(self, episode_id: str, cameras: Sequence[str] | None, depth: bool) -> Observation:
+        """The named cameras' views of one moment; all of the rig's where none are named. Raises NotFound, BadQuestion
+        or Unavailable."""
+        async with self._turn(episode_id) as live:
+            return await live.senses.look(cameras, depth)
+
+    async def move(self, episode_id: str, number: int, move: Move) -> MoveResult:
+        """Flies move `number` and waits for its end; a caller that stops waiting does not stop the drone. Raises
+        NotFound or Conflict."""
+        async with self._turn(episode_id) as live:
+            done = await self._work(live.episode.begin, number, move)
+            if done is not None:
+                return done
+            live.flight.start()
+        await self._arrived(live)
+        return live.episode.result(number)
+
+    def progress(self, episode_id: str, number: int) -> MoveProgress:
+        """How far the last move has come. Raises NotFound."""
+        return self._find(episode_id).episode.progress(number)
+
+    async def cancel(self, episode_id: str, number: int) -> MoveResult:
+        """Stops the drone where it is on move `number`. Raises NotFound."""
+        async with self._turn(episode_id) as live:
+            result = live.episode.cancel(number)
+            await live.flight.stop()
+            return result
+
+    async def take_off(self, episode_id: str, height_m: float) -> VehicleState:
+        """Raises NotFound or Conflict."""
+        return await self._flown(episode_id, lambda episode: episode.take_off(height_m))
+
+    async def hold(self, episode_id: str) -> VehicleState:
+        """Stops on the way. Raises NotFound."""
+        async with self._turn(episode_id) as live:
+            await live.flight.stop()
+            return live.episode.state()
+
+    async def return_home(self, episode_id: str) -> VehicleState:
+        """Stops on the way first. Raises NotFound."""
+        await self.hold(episode_id)
+        return await self._flown(episode_id, LiveEpisode.return_home)
+
+    async def land(self, episode_id: str) -> VehicleState:
+        """Stops on the way first. Raises NotFound."""
+        await self.hold(episode_id)
+        return await self._flown(episode_id, LiveEpisode.land)
+
+    async def claim(self, episode_id: str, claim: Claim) -> Verdict:
+        """Raises NotFound, and Conflict while the drone is on its way."""
+        async with self._turn(episode_id) as live:
+            return await self._work(live.episode.claim, claim)
+
+    async def truth(self, episode_id: str, question: TruthQuestion) -> Truth:
+        """Raises NotFound or Unavailable."""
+        async with self._turn(episode_id) as live:
+            return await live.senses.truth(question)
+
+    async def end(self, episode_id: str) -> None:
+        """Frees everything of it, after the call that may be running on it. Raises NotFound."""
+        live = self._find(episode_id)
+        async with live.turn:
+            await self._drop(episode_id)
+
+    async def expire(self) -> int:
+        """Gives up every episode that was idle too long; says how many."""
+        late = self._clock() - self.limits.idle_s
+        idle = [i for i, live in self._live.items() if self._touched[i] <= late and not live.busy]
+        for episode_id in idle:
+            await self._drop(episode_id)
+        return len(idle)
+
+    async def close(self) -> None:
+        """Ends all episodes and the worker threads."""
+        for episode_id in list(self._live):
+            await self._drop(episode_id)
+        self._workers.shutdown(wait=True)
+
+    async def _begin(self, question: EpisodeQuestion) -> str:
         await self.expire()
-        if len(self._seats) + self._starting >= self.limits.max_episodes:
+        _check(question.rig)
+        if len(self._live) + self._starting >= self.limits.max_episodes:
             raise TooMany(
                 f"{self.limits.max_episodes} episodes are live, which is all that this simulator keeps; end one with "
                 f"DELETE /v1/episodes/<id>, or wait: after {self.limits.idle_s:g} s without a call one expires",
@@ -111,156 +205,77 @@ class Episodes:
             )
         self._starting += 1
         try:
-            shelved = await self._shelf.borrow(question.scene)
+            cached = await self._cache.acquire(question.scene)
+            renderer = self._renderer
             try:
                 episode = await self._work(
-                    LiveEpisode,
-                    secrets.token_hex(16),
-                    shelved.ready,
-                    question.flight,
-                    self._renderer.name,
-                    self._renderer.detail,
+                    LiveEpisode, secrets.token_hex(16), cached.ready, question, renderer.name, renderer.detail
                 )
             except BaseException:
-                await self._shelf.give_back(shelved)
+                await self._cache.release(cached)
                 raise
         finally:
             self._starting -= 1
-        self._seats[episode.id] = _Seat(episode, shelved)
+        senses = Senses(episode, cached, self._renderer, self._workers, labelled=self._labelled)
+        self._live[episode.id] = _Live(episode, cached, senses)
         self._touched[episode.id] = self._clock()
-        return episode.state(self.limits.idle_s)
+        return episode.id
 
-    def state(self, episode_id: str) -> Episode:
-        """As it stands between calls; asking doesn't keep an episode alive. Raises NotFound."""
-        seat = self._seat(episode_id)
-        return seat.episode.state(self.limits.idle_s - (self._clock() - self._touched[episode_id]))
+    async def _flown(self, episode_id: str, begin: Callable[[LiveEpisode], None]) -> VehicleState:
+        async with self._turn(episode_id) as live:
+            await self._work(begin, live.episode)
+            live.flight.start()
+        await self._arrived(live)
+        return live.episode.state()
 
-    async def look(self, episode_id: str, headings: Sequence[Heading], size: int, depth: bool) -> Observation:
-        """All views of one moment. Raises NotFound or Unavailable."""
-        async with self._turn(episode_id) as seat:
-            pose, uploaded = seat.episode.pose, seat.shelved.uploaded
-            started = time.perf_counter()
-            labelled = self._labelled
-            drawn = await draw(
-                self._renderer,
-                lambda renderer: renderer.render(uploaded, pose, _cameras(headings, size), labelled=labelled),
-            )
-            if drawn.ids is not None:
-                seat.labels = _Labels(pose, size, dict(zip(headings, drawn.ids, strict=True)))
-            rendered = time.perf_counter()
-            # each picture and each depth map is work of its own; the encoders let other threads run meanwhile
-            images = [self._work(encode_jpeg, rgb) for rgb in drawn.rgb]
-            depths = [self._work(encode_depth_units, units) for units in drawn.depth_units] if depth else []
-            jpegs = await asyncio.gather(*images)
-            maps = await asyncio.gather(*depths) if depth else [None] * len(jpegs)
-            seat.episode.observations += 1
-            return Observation(
-                episode=episode_id,
-                number=seat.episode.observations,
-                pose=seat.episode.odometry.believed(pose),
-                camera=Camera(width=size, height=size, focal_px=size / 2),
-                views=tuple(
-                    SensedView(heading_deg=h, image=image, depth=depth_map)
-                    for h, image, depth_map in zip(headings, jpegs, maps, strict=True)
-                ),
-                renderer=self._renderer.name,
-                render_s=rendered - started,
-                encode_s=time.perf_counter() - rendered,
-            )
+    async def _arrived(self, live: _Live) -> None:
+        try:
+            await live.flight.over()
+        finally:
+            self._touch(live.episode.id)
 
-    async def move(self, episode_id: str, number: int, move: Move) -> MoveResult:
-        """Raises NotFound or Conflict."""
-        async with self._turn(episode_id) as seat:
-            return await self._work(seat.episode.move, number, move, self.limits.idle_s)
-
-    async def claim(self, episode_id: str, claim: Claim) -> Verdict:
-        """Raises NotFound."""
-        async with self._turn(episode_id) as seat:
-            return await self._work(seat.episode.claim, claim, self.limits.idle_s)
-
-    async def truth(self, episode_id: str, question: TruthQuestion) -> Truth:
-        """Raises NotFound or Unavailable."""
-        async with self._turn(episode_id) as seat:
-            pose, uploaded, ready = seat.episode.pose, seat.shelved.uploaded, seat.shelved.ready
-            moves = seat.episode.moves
-            known = seat.labels
-            if known is None or (known.pose, known.size) != (pose, question.size):
-                known = _Labels(pose, question.size, {})
-            missing = tuple(h for h in dict.fromkeys(question.views) if h not in known.views)
-            if missing:
-                ids = await draw(
-                    self._renderer,
-                    lambda renderer: renderer.render_ids(uploaded, pose, _cameras(missing, question.size)),
-                )
-                known.views.update(zip(missing, ids, strict=True))
-                seat.labels = known
-
-            def found() -> Truth:
-                cameras = _cameras(question.views, question.size)
-                views = tuple(
-                    truth_view(ready.scene, ready.mesh, ready.things, pose, camera, known.views[heading])
-                    for camera, heading in zip(cameras, question.views, strict=True)
-                )
-                candidates = [seat.episode.odometry.true(place) for place in question.candidates]
-                remaining_m = ready.way_home.remaining_m(candidates)
-                return Truth(scene=ready.scene.name, moves=moves, pose=pose, views=views, remaining_m=remaining_m)
-
-            return await self._work(found)
-
-    async def end(self, episode_id: str) -> None:
-        """Frees everything of it, after the call that may be running on it. Raises NotFound."""
-        seat = self._seat(episode_id)
-        async with seat.turn:
-            await self._drop(episode_id)
-
-    async def expire(self) -> int:
-        """Gives up every episode that was idle too long; says how many."""
-        late = self._clock() - self.limits.idle_s
-        idle = [i for i, seat in self._seats.items() if self._touched[i] <= late and not seat.turn.locked()]
-        for episode_id in idle:
-            await self._drop(episode_id)
-        return len(idle)
-
-    async def close(self) -> None:
-        """Ends all episodes and the worker threads."""
-        for episode_id in list(self._seats):
-            await self._drop(episode_id)
-        self._workers.shutdown(wait=True)
-
-    def _seat(self, episode_id: str) -> _Seat:
-        seat = self._seats.get(episode_id)
-        expired = seat is not None and self._clock() - self._touched[episode_id] >= self.limits.idle_s
-        if seat is None or (expired and not seat.turn.locked()):
+    def _find(self, episode_id: str) -> _Live:
+        live = self._live.get(episode_id)
+        expired = live is not None and self._clock() - self._touched[episode_id] >= self.limits.idle_s
+        if live is None or (expired and not live.busy):
             raise NotFound(
                 f"there is no episode {episode_id[:40]!r}; it was never started, was ended, or expired after "
                 f"{self.limits.idle_s:g} s without a call; POST /v1/episodes starts one",
                 code="no_such_episode",
             )
-        return seat
+        return live
 
     @asynccontextmanager
-    async def _turn(self, episode_id: str) -> AsyncIterator[_Seat]:
-        seat = self._seat(episode_id)
-        async with seat.turn:
-            self._seat(episode_id)  # it may have been ended while this call waited
+    async def _turn(self, episode_id: str) -> AsyncIterator[_Live]:
+        live = self._find(episode_id)
+        async with live.turn:
+            self._find(episode_id)  # it may have been ended while this call waited
             try:
-                yield seat
+                yield live
             finally:
-                if episode_id in self._touched:
-                    self._touched[episode_id] = self._clock()
+                self._touch(episode_id)
+
+    def _touch(self, episode_id: str) -> None:
+        if episode_id in self._touched:
+            self._touched[episode_id] = self._clock()
 
     async def _drop(self, episode_id: str) -> None:
-        seat = self._seats.pop(episode_id, None)
-        if seat is None:
+        live = self._live.pop(episode_id, None)
+        if live is None:
             return
         self._touched.pop(episode_id, None)
-        await self._work(seat.episode.close)
-        await self._shelf.give_back(seat.shelved)
+        self._begun.forget(episode_id)
+        await live.flight.stop()
+        await self._work(live.episode.close)
+        await self._cache.release(live.cached)
 
     async def _work(self, job: Callable[..., T], *arguments: object) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._workers, job, *arguments)
 
 
-def _cameras(headings: Sequence[Heading], size: int) -> list[RigCamera]:
-    by_heading = {camera.heading_deg: camera for camera in shipped_rig(DEFAULT_RIG).scaled_to(size).cameras}
-    return [by_heading[heading] for heading in headings]
+def _check(rig: Rig) -> None:
+    """Raises BadQuestion for cameras that can't be drawn."""
+    try:
+        check_cameras(rig.cameras)
+    except ValueError as error:
+        raise BadQuestion(f"the rig {rig.name} can't be drawn: {error}", code="bad_rig") from None

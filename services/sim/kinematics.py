@@ -44,6 +44,12 @@ class SpeedProfile(NamedTuple):
         left = (self.duration_s - time_s) / self.ramp_s
         return self.length_m - ramp_m * left**2
 
+    def speed_at(self, time_s: float) -> float:
+        """Metres a second after `time_s`; 0 before the start and after the end."""
+        if time_s <= 0.0 or time_s >= self.duration_s:
+            return 0.0
+        return self.peak_m_s * min(1.0, time_s / self.ramp_s, (self.duration_s - time_s) / self.ramp_s)
+
     def time_at(self, distance_m: float) -> float:
         """Seconds until `distance_m` are flown; the inverse of `distance_at`."""
         if distance_m <= 0.0 or self.length_m == 0.0:

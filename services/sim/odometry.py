@@ -22,19 +22,18 @@ class Odometry:
         """So much more of the way is behind the drone, metres on the ground plan."""
         self._off_m += self._drift * horizontal_m
 
-    def believed(self, pose: Pose) -> Pose:
-        """The pose that is reported for a true one."""
-        if self._off_m == 0.0:
+    def believed(self, pose: Pose, further_m: float = 0.0) -> Pose:
+        """The pose that is reported for a true one, `further_m` of level way after the last flight that `flown` was
+        told of."""
+        off_m = self._off_m + self._drift * further_m
+        if off_m == 0.0:
             return pose
-        east, north = self._offset()
+        east, north = self._direction[0] * off_m, self._direction[1] * off_m
         return pose.model_copy(update={"x": pose.x + east, "y": pose.y + north})
 
     def true(self, place: Point3) -> Point3:
         """The place that a believed one means."""
         if self._off_m == 0.0:
             return place
-        east, north = self._offset()
+        east, north = self._direction[0] * self._off_m, self._direction[1] * self._off_m
         return Point3(x=place.x - east, y=place.y - north, z=place.z)
-
-    def _offset(self) -> tuple[float, float]:
-        return self._direction[0] * self._off_m, self._direction[1] * self._off_m

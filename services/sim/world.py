@@ -62,6 +62,7 @@ class Blueprint:
 
     def __init__(self, solids: Sequence[Solid], half_size_m: float, roof_m: float) -> None:
         self.half_size_m = half_size_m
+        self.roof_m = roof_m
         self.ceiling_m = roof_m + CEILING_ABOVE_ROOFS_M
         self.pieces = [piece for solid in solids for piece in _pieces(solid)]
 

@@ -28,6 +28,7 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion, ServiceError
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
+from service_kit.requests import Origins
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.calls import Models
@@ -39,7 +40,6 @@ from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import gauge
 
 MAX_BODY_BYTES = 24 * 1024 * 1024
-BODY_WITHIN_S = 30.0
 
 T = TypeVar("T")
 
@@ -51,12 +51,13 @@ def build_app(
     keys: Keys | None = None,
     log_share: float = 0.0,
     max_body_bytes: int = MAX_BODY_BYTES,
-    body_within_s: float = BODY_WITHIN_S,
+    origins: Origins | None = None,
 ) -> Frontend:
     """The service over a wired `gateway`: the framework's app behind the frontend for chats. Its cache is started and
     everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
     in the log."""
     started_at = time.time()
+    pages = origins or Origins()
     cache = gateway.cache
     chats = {alias: backend for alias, backend in gateway.backends.items() if isinstance(backend, ChatBackend)}
     passed_on = Models(
@@ -85,6 +86,7 @@ def build_app(
         checks=checks,
         notes=notes,
         metrics=metrics,
+        origins=pages,
         lifespan=lifespan,
     )
     app.router.route_class = JsonRoute
@@ -125,8 +127,8 @@ def build_app(
     async def chat_completions(body: dict[str, Any]) -> Response:
         """OpenAI's chat completions for the configured chat models, streamed or not. `x-cache: on` or `off` in the
         request overrides that only answers at temperature 0 are cached."""
-        # hot/server.py sends chats past here; the route is there for the API's description, and for what is left
-        raise ServiceError("send chats as plain HTTP/1.1, without Upgrade", code="no_upgrade", status=400)
+        # hot/server.py sends chats past here; the route is there for the API's description
+        raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
 
     @app.get("/v1/models")
     async def models() -> dict[str, object]:
@@ -165,7 +167,7 @@ def build_app(
         metrics,
         log,
         max_body_bytes=max_body_bytes,
-        body_within_s=body_within_s,
+        origins=pages,
     )
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from service_kit.metrics import HttpMetrics
+from service_kit.requests import Origins
 from service_kit.settings import BadSetting, revealed
 from services.vlm_gateway.app import build_app
 from services.vlm_gateway.backends.base import Backend
@@ -55,7 +56,8 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
     }
     gateway = Gateway(backends, config.roles, cache, figures)
     callers = Keys(config.keys, revealed(settings.gateway_token))
-    return build_app(gateway, http, keys=callers, log_share=settings.request_log_share)
+    origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
+    return build_app(gateway, http, keys=callers, log_share=settings.request_log_share, origins=origins)
 
 
 def _prices(models: Mapping[str, ModelConfig]) -> dict[str, Price]:

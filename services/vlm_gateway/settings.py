@@ -35,6 +35,12 @@ class GatewaySettings(CacheSettings, ServiceSettings):
     prefixes: ClassVar = ("GATEWAY_", "VLM_GATEWAY_", "ORACLE_", "CACHE_")
 
     port: int = Field(8102, ge=1, le=65535, description="The TCP port to listen at.")
+    drain_timeout_s: int = Field(
+        25, ge=0, le=86_400, description="Seconds that requests under way have to end after SIGTERM."
+    )
+    cors_origins: str = Field(
+        "", description="Web pages that may ask, comma-separated, such as https://ground.example; `*`: all."
+    )
     gateway_config: Path | None = Field(None, description="The TOML file of models, roles and keys (docs/gateway.md).")
     gateway_token: Token | None = Field(
         None, description="The operator's token, which may do everything; without it and without keys all may call."

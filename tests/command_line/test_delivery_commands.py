@@ -53,6 +53,14 @@ def test_services_that_are_not_there_end_a_delivery_with_a_reason_and_code_1(tmp
     assert json.loads(result.stdout)["outcome"] == "service_unreachable"
 
 
+def test_a_model_that_there_is_not_is_refused_before_the_first_flight(tmp_path: Path) -> None:
+    out = tmp_path / "runs"
+    result = RUNNER.invoke(app, ["deliver", "--sample", "green-flower-pot", "--backend", "qwen", "--out", str(out)])
+    assert result.exit_code == 2
+    assert "no model 'qwen'; there are embedded" in result.stderr
+    assert [p.name for p in out.iterdir()] == ["logs"], "nothing was flown, so there is no record"
+
+
 def test_at_least_six_samples_ship_and_each_is_sound() -> None:
     samples = [sample_library.load(name) for name in sample_library.names()]
     assert len(samples) >= 6

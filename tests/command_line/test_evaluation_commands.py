@@ -23,6 +23,17 @@ def test_all_commands_are_under_one_name(command: str) -> None:
     assert runner.invoke(app, [command, "--help"]).exit_code == 0
 
 
+@pytest.mark.parametrize("command", [("bench", "--limit", "2"), ("bench", "--subtask", "floors"), ("evaluate",)])
+def test_a_model_that_there_is_not_is_refused_before_the_first_question(
+    command: tuple[str, ...], tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    result = runner.invoke(app, [*command, "--backend", "qwen", "--out", str(out)])
+    assert result.exit_code == 2, result.output
+    assert "no model 'qwen'; there are embedded" in result.stderr
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "why"),
     [

@@ -7,7 +7,8 @@ from contracts.geometry import Point2, Point3, Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings, ModelCalls, OutcomeName, Stop
 from contracts.scene import Building, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import window_slot
-from contracts.sim import Episode, Flight, Verdict
+from contracts.sim import Verdict
+from contracts.vehicle import VehicleState
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.run_settings import RunSettings
 from evaluation.metrics.episode import EpisodeRecord
@@ -73,21 +74,16 @@ def a_task(name: str = "t-1", *, floor: int = FLOOR, facade: int = 0, **more: ob
     return Task.model_validate(fields | more)
 
 
-def an_episode(pose: Pose, collided: bool = False) -> Episode:
-    return Episode(
+def a_vehicle(pose: Pose, collided: bool = False) -> VehicleState:
+    return VehicleState(
         id="e1",
-        status="claimed",
-        scene="t-1",
+        mode="holding",
         pose=pose,
         moves=3,
         path_m=24.0,
         path_horizontal_m=20.0,
         flight_s=10.0,
         collided=collided,
-        renderer="tiny",
-        renderer_detail="",
-        flight=Flight(),
-        expires_in_s=60.0,
     )
 
 
@@ -108,7 +104,7 @@ def a_verdict(
         in_front=in_front,
         line_of_sight=sight,
         collided=collided,
-        episode=an_episode(pose, collided),
+        vehicle=a_vehicle(pose, collided),
     )
 
 

@@ -32,7 +32,8 @@ from contracts.geometry import Pose
 from contracts.images import decode_depth, decode_jpeg
 from contracts.orchestrator import Sample
 from contracts.scene import Scene
-from contracts.sim import Episode, EpisodeQuestion, Observation
+from contracts.sim import Episode, EpisodeQuestion
+from contracts.vehicle import Observation
 from services.sim.bootstrap import build_scene
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.choice import choose_renderer
@@ -106,10 +107,10 @@ class Door:
         question = EpisodeQuestion(scene=scene).model_dump_json().encode()
         started = self._ask("POST", "/v1/episodes", question)
         self.episode = Episode.model_validate_json(started)
-        self.pose = self.episode.pose
+        self.pose = self.episode.vehicle.pose
 
     def observe(self) -> bytes:
-        return self._ask("GET", f"/v1/episodes/{self.episode.id}/observation?size={SIZE}")
+        return self._ask("GET", f"/v1/episodes/{self.episode.id}/observation")
 
     def _ask(self, method: str, path: str, body: bytes | None = None) -> bytes:
         self._http.request(method, path, body, {"Content-Type": "application/json"} if body else {})
@@ -156,8 +157,8 @@ def measure(scene: Scene, rounds: int, tick: Callable[[str], None]) -> Figures:
             if number:
                 seconds, seen = timed(partial(_decoded, answer))
                 took["decode"].append(seconds)
-                took["render"].append(seen.render_s)
-                took["encode"].append(seen.encode_s)
+                took["render"].append(seen.timings_s["render"])
+                took["encode"].append(seen.timings_s["encode"])
         return Figures(
             tiny_s=median(took["tiny"]),
             in_process_s=median(took["in_process"]),

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import aiohttp
 from pydantic import BaseModel
@@ -23,11 +23,12 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contracts.depth_assist import ApproachQuestion, SafeDistancesQuestion, ViewDepth, ViewpointQuestion
-from contracts.geometry import POINT_LABELS, Box
+from contracts.geometry import POINT_LABELS, Box, Heading
 from contracts.images import JpegImage, jpeg_bytes
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import Sample
-from contracts.sim import Episode, EpisodeQuestion, Move, Observation
+from contracts.sim import Episode, EpisodeQuestion
+from contracts.vehicle import Move, Observation, SensedView
 from contracts.vlm_gateway import (
     BuildingBoxQuestion,
     ChooseDirectionQuestion,
@@ -87,12 +88,16 @@ async def first_observation(session: aiohttp.ClientSession, sim: str, sample: Sa
         return episode.id, Observation.model_validate_json(await answer.read())
 
 
+def heading_of(view: SensedView) -> Heading:
+    return cast(Heading, int(view.camera.heading_deg))
+
+
 def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation) -> list[Route]:
     """Every route with the payload that a delivery sends."""
-    depths = tuple(ViewDepth(heading_deg=v.heading_deg, depth=v.depth) for v in seen.views if v.depth is not None)
-    front = next(v for v in seen.views if v.heading_deg == 0)
+    depths = tuple(ViewDepth(heading_deg=heading_of(v), depth=v.depth) for v in seen.views if v.depth is not None)
+    front = next(v for v in seen.views if v.camera.name == "front")
     front_depth = next(d for d in depths if d.heading_deg == 0)
-    views = tuple(View(heading_deg=v.heading_deg, image=v.image) for v in seen.views)
+    views = tuple(View(heading_deg=heading_of(v), image=v.image) for v in seen.views)
     marks = tuple(
         MarkedPoint(label=label, x=(k + 1) / 6, y=0.5, distance_m=6.0) for k, label in enumerate(POINT_LABELS)
     )

@@ -7,12 +7,13 @@ knows one pattern, and `LocalDepthAssist` a DepthAssist that calls the real serv
 import asyncio
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.cameras import DEFAULT_RIG, shipped_rig
+from contracts.cameras import Camera, default_rig
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -23,22 +24,12 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import VIEW_HEADINGS_DEG, Box, Heading, Point2, Point3, Pose
+from contracts.geometry import Box, Heading, Point2, Point3, Pose
 from contracts.images import encode_depth, encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.scene import Building, Scene, Start
-from contracts.sim import (
-    Camera,
-    Claim,
-    Episode,
-    EpisodeQuestion,
-    Flight,
-    Move,
-    MoveResult,
-    Observation,
-    SensedView,
-    Verdict,
-)
+from contracts.sim import Claim, Episode, EpisodeQuestion, Flight, Verdict
+from contracts.vehicle import Move, MoveResult, Observation, SensedView, VehicleState
 from contracts.vlm_gateway import (
     Answer,
     BuildingBoxAnswer,
@@ -59,6 +50,7 @@ from mission.ports import Ports, ServiceRefused
 from services.depth_assist.app import choose_viewpoint, explore_step, measure_safe_distances, plan_approach
 
 SIZE = 120
+RIG = default_rig().scaled_to(SIZE)
 RADIUS_M = 0.35
 START = Pose(x=0.0, y=-15.0, z=1.5, yaw=math.pi / 2)
 
@@ -119,49 +111,49 @@ class BlockWorld:
 
     block: Block = field(default_factory=Block)
     slow_s: float = 0.0
-    live: dict[str, Episode] = field(default_factory=dict)
+    live: dict[str, VehicleState] = field(default_factory=dict)
     ended: list[str] = field(default_factory=list)
     observations: int = 0
 
     async def start(self, question: EpisodeQuestion) -> Episode:
         if any(o.kind == "unicorn" for o in question.scene.objects):
             raise ServiceRefused("sim: there is no class unicorn", code="unknown_class", status=422)
-        episode = Episode(
+        drone = VehicleState(
             id=f"e{len(self.live) + len(self.ended) + 1}",
-            status="flying",
-            scene=question.scene.name,
+            mode="holding",
             pose=self.block.start,
             moves=0,
             path_m=0.0,
             path_horizontal_m=0.0,
             flight_s=0.0,
             collided=False,
+        )
+        self.live[drone.id] = drone
+        return Episode(
+            id=drone.id,
+            status="flying",
+            scene=question.scene.name,
             renderer="tiny",
             renderer_detail="ray casting",
-            flight=Flight(),
+            flight=question.flight,
+            rig=question.rig.name,
             expires_in_s=600.0,
+            vehicle=drone,
         )
-        self.live[episode.id] = episode
-        return episode
 
-    async def observe(
-        self, episode: str, *, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, size: int = SIZE
-    ) -> Observation:
+    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
         await asyncio.sleep(self.slow_s)
         self.observations += 1
         pose = self._episode(episode).pose
         grey = encode_jpeg(np.full((SIZE, SIZE, 3), 128, np.uint8))
         return Observation(
-            episode=episode,
+            vehicle=episode,
             number=self.observations,
             pose=pose,
-            camera=Camera(width=SIZE, height=SIZE, focal_px=SIZE / 2),
             views=tuple(
-                SensedView(heading_deg=h, image=grey, depth=encode_depth(self._depth_m(pose, h))) for h in headings
+                SensedView(camera=c, image=grey, depth=encode_depth(self._depth_m(pose, c)))
+                for c in (RIG.camera(name) for name in cameras)
             ),
-            renderer="tiny",
-            render_s=0.0,
-            encode_s=0.0,
         )
 
     async def move(self, episode: str, number: int, move: Move) -> MoveResult:
@@ -204,12 +196,11 @@ class BlockWorld:
             hit=hit,
             path_m=flown,
             flight_s=flown / 4,
-            episode=after,
+            vehicle=after,
         )
 
     async def claim(self, episode: str, claim: Claim) -> Verdict:
-        now = self._episode(episode).model_copy(update={"status": "claimed"})
-        self.live[episode] = now
+        now = self._episode(episode)
         thing, normal = self.block.thing, self.block.thing_normal
         right = claim.target is not None and math.dist((claim.target.x, claim.target.y, claim.target.z), thing) < 1.0
         away = math.dist((now.pose.x, now.pose.y, now.pose.z), thing)
@@ -222,7 +213,7 @@ class BlockWorld:
             in_front=front,
             line_of_sight=True,
             collided=now.collided,
-            episode=now,
+            vehicle=now,
         )
 
     async def end(self, episode: str) -> None:
@@ -246,19 +237,19 @@ class BlockWorld:
             return None
         return Box(x_min=x - half, y_min=y - half, x_max=x + half, y_max=y + half)
 
-    def _episode(self, episode: str) -> Episode:
+    def _episode(self, episode: str) -> VehicleState:
         if episode not in self.live:
             raise ServiceRefused(f"sim: there is no episode {episode}", code="not_found", status=404)
         return self.live[episode]
 
-    def _depth_m(self, pose: Pose, heading: Heading) -> NDArray[np.float64]:
-        forward, right = axes(pose, heading)
+    def _depth_m(self, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+        forward, right = axes(pose, camera.heading_deg)
         slope = (np.arange(SIZE) + 0.5 - SIZE / 2) / (SIZE / 2)
         rays = forward + slope[None, :, None] * right - slope[:, None, None] * np.array([0.0, 0.0, 1.0])
         return self.block.cast((pose.x, pose.y, pose.z), rays)
 
 
-def axes(pose: Pose, heading: Heading) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def axes(pose: Pose, heading: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     angle = pose.yaw - math.radians(heading)
     return np.array([math.cos(angle), math.sin(angle), 0.0]), np.array([math.sin(angle), -math.cos(angle), 0.0])
 
@@ -354,5 +345,4 @@ def block_trial(world: BlockWorld) -> EpisodeTrial:
 
 def block_placement(world: BlockWorld, scene: Scene | None = None) -> InTrial:
     """The block world's drone at its start, and its judge."""
-    rig = shipped_rig(DEFAULT_RIG).scaled_to(SIZE)
-    return InTrial(block_trial(world), scene or block_scene(world.block), Flight(), rig)
+    return InTrial(block_trial(world), scene or block_scene(world.block), Flight(), RIG)

@@ -10,13 +10,13 @@ from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
 from mission.clients import Services
-from mission.ports import ModelUnreachable, ServiceRefused, ServiceUnreachable
+from mission.ports import ModelUnreachable, ServiceRefused, ServiceUnreachable, UnknownModel
 from service_kit.addresses import Addresses
 from service_kit.app import create_app
 from service_kit.errors import ServiceError
 
 PICTURE = encode_jpeg(np.zeros((64, 64, 3), np.uint8))
-TROUBLE = ["unknown_model", "model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"]
+TROUBLE = ["model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"]
 
 
 def told(code: str) -> ServiceError:
@@ -52,6 +52,11 @@ async def test_a_model_that_did_not_answer_is_unreachable_whatever_the_reason(co
         await services.ports().vision.floor_count(FloorCountQuestion(model=code, image=PICTURE))
     with pytest.raises(ModelUnreachable, match=rf"llm_parser: .*\({code}\)"):
         await services.ports().parser.parse(ParseQuestion(request="floor 3", model=code))
+
+
+async def test_a_model_that_there_is_not_is_told_apart(services: Services) -> None:
+    with pytest.raises(UnknownModel, match="vlm_gateway: the server said"):
+        await services.ports().vision.floor_count(FloorCountQuestion(model="unknown_model", image=PICTURE))
 
 
 @pytest.mark.parametrize("code", ["unauthorised", "forbidden"])

@@ -10,9 +10,10 @@ import pytest
 
 from contracts.events import Event, read_event
 from contracts.orchestrator import Delivery
+from mission.ports import ServiceRefused, ServiceUnreachable, UnknownModel
 from orchestrator.app import build_app
 from orchestrator.desk import Desk
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
+from tests.mission.box_world import Block, BlockVision, BlockWorld, block_ports, block_scene, block_trial
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
@@ -29,7 +30,8 @@ def door(serve: Callable[..., str], runs: Path) -> Iterator[Callable[..., httpx.
 
     def make(world: BlockWorld, **options: object) -> httpx.Client:
         token = options.pop("token", None)
-        app = build_app(Desk(block_ports(world), block_trial(world), runs, **options), token=token)
+        vision = options.pop("vision", None)
+        app = build_app(Desk(block_ports(world, vision), block_trial(world), runs, **options), token=token)
         clients.append(httpx.Client(base_url=serve(app), timeout=20))
         return clients[-1]
 
@@ -73,6 +75,34 @@ def test_a_posted_delivery_is_flown_and_can_be_followed_to_its_result(door) -> N
     assert done.status == "done"
     assert done.result is not None
     assert done.result.outcome == "delivered"
+
+
+@pytest.mark.parametrize("named", [{"backend": "qwen"}, {"settings": {"image_size": 120, "vision_model": "qwen"}}])
+def test_a_model_that_there_is_not_is_refused_before_anything_is_flown(door, runs: Path, named: dict) -> None:
+    world = BlockWorld(BEHIND)
+    unknown = UnknownModel("vlm_gateway: no model 'qwen'; there are embedded")
+    vision = BlockVision(world, {"preflight": [unknown]})
+    refused = door(world, vision=vision).post("/v1/deliveries", json=order(world, **named))
+    assert refused.status_code == 422
+    assert refused.json()["error"]["code"] == "unknown_model"
+    assert "there are embedded" in refused.json()["error"]["message"]
+    assert not runs.exists()
+    assert vision.asked == []
+
+
+def test_a_model_without_eyes_is_refused_and_a_gateway_that_is_away_is_the_missions_business(door) -> None:
+    world = BlockWorld(BEHIND)
+    blind = ServiceRefused("vlm_gateway: model 'words' takes no pictures", code="bad_question", status=422)
+    client = door(world, vision=BlockVision(world, {"preflight": [blind]}))
+    refused = client.post("/v1/deliveries", json=order(world, backend="words"))
+    assert (refused.status_code, "takes no pictures" in refused.text) == (422, True)
+    away = ServiceUnreachable("vlm_gateway: nobody there")
+    client = door(world, vision=BlockVision(world, {"preflight": [away, away]}))
+    taken = client.post("/v1/deliveries", json=order(world, backend="words"))
+    assert taken.status_code == 202
+    result = finished(client, taken.json()["id"]).result
+    assert result is not None
+    assert result.outcome == "service_unreachable"
 
 
 def test_the_stream_goes_on_after_the_last_event_that_was_heard_live_and_from_the_record(door, runs: Path) -> None:

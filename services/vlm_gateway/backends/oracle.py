@@ -9,7 +9,8 @@ from typing import TypeVar
 from pydantic import BaseModel
 
 from contracts.geometry import Heading, Point3, Pose
-from contracts.sim import Episode, Truth, TruthQuestion, TruthView
+from contracts.sim import Truth, TruthQuestion, TruthView
+from contracts.vehicle import VehicleState
 from contracts.vlm_gateway import MarkedPoint, Match
 from service_kit.client import CallError, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion
@@ -94,7 +95,7 @@ class OracleBackend:
     async def choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
         """The point from whose safe end the way to the goal is shortest."""
         episode = _named(ask.episode)
-        pose = (await self._call("GET", f"/v1/episodes/{episode}", Episode)).pose
+        pose = (await self._call("GET", f"/v1/episodes/{episode}", VehicleState)).pose
         ends = tuple(end_of(point, ask.heading_deg, pose) for point in ask.points)
         truth = await self._truth(episode, (), candidates=ends)
         if Faults(self._config.noise, truth, "choice", ask.heading_deg).refuses:

@@ -51,11 +51,6 @@ def caller_left() -> ServiceError:
     return ServiceError("the caller has left", code="caller_left", status=499)
 
 
-def slow_body() -> ServiceError:
-    """The request's body did not come in time."""
-    return ServiceError("the body did not come in time", code="slow_body", status=408)
-
-
 def too_late(limit_s: float) -> ModelTimeout:
     """The caller's own deadline passed."""
     return ModelTimeout(f"no answer within the caller's {limit_s:g} s")

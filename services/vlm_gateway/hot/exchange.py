@@ -13,18 +13,25 @@ from uvicorn.server import ServerState
 
 from contracts.vlm_gateway import CacheResult
 from service_kit.errors import BadQuestion, ServiceError
+from service_kit.requests import EXPOSED
 from services.vlm_gateway.hot.deadline import Deadline, caller_left, stated_timeout_s
 from services.vlm_gateway.keys import ANYBODY, Key
 
 _TRACEPARENT = re.compile(rb"00-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
 _CACHE_HEADER = {b"on": True, b"off": False}
+_EXPOSE = b"access-control-expose-headers: " + ", ".join(EXPOSED).encode() + b"\r\nvary: origin\r\n"
 Header = tuple[bytes, bytes]
 
 
 class Head(NamedTuple):
-    """What of a request's headers counts. `cache` is None where the caller leaves it to us."""
+    """What of a request's headers counts. `cache` is None where the caller leaves it to us; `origin` is a web page's,
+    None where a program asks."""
 
     authorization: bytes | None
+    kind: bytes | None
+    encoding: bytes | None
+    origin: bytes | None
+    host: bytes | None
     length: int
     cache_said: bytes | None
     timeout_said: bytes | None
@@ -52,6 +59,10 @@ def head_of(headers: Iterable[Header]) -> Head:
     trace = found.get(b"traceparent")
     return Head(
         found.get(b"authorization"),
+        found.get(b"content-type"),
+        found.get(b"content-encoding"),
+        found.get(b"origin"),
+        found.get(b"host"),
         int(length) if length.isdigit() else 0,
         found.get(b"x-cache"),
         found.get(b"x-timeout-s"),
@@ -97,7 +108,8 @@ class Exchange:
         self.cache: CacheResult = "off"
         self.status = 499
         self.sent = 0
-        self.started = False
+        self.allowed_origin: bytes | None = None
+        self.response_started = False
 
     @property
     def head(self) -> Head:
@@ -141,6 +153,7 @@ class Exchange:
         """All of it. Raises ServiceError where it is over its bound."""
         if not self.body_is_whole and self.size <= self._max_body_bytes:
             if self._expects_100:
+                self._expects_100 = False
                 self._line.transport.write(b"HTTP/1.1 100 Continue\r\n\r\n")
             self._waiter = asyncio.get_running_loop().create_future()
             await self._waiter
@@ -167,7 +180,7 @@ class Exchange:
 
     async def piece(self, body: bytes, kind: bytes) -> None:
         """A piece of a streamed answer, once the caller has room for it."""
-        if not self.started:
+        if not self.response_started:
             headers = ((b"content-type", kind), (b"cache-control", b"no-store"), (b"x-cache", self.cache.encode()))
             self._write(self._head(200, (*headers, (b"transfer-encoding", b"chunked"))))
         if self._line.flow.write_paused:
@@ -189,17 +202,22 @@ class Exchange:
     def close(self) -> None:
         """Nothing follows: what has no end by now is broken off."""
         self.deadline.unlimited()
+        self._pieces.clear()
         if not self.response_complete:
             self.response_complete = True
             self._line.transport.close()
 
     def _head(self, status: int, headers: Iterable[Header]) -> bytes:
-        self.started, self.status = True, status
+        self.response_started, self.status = True, status
+        if self._expects_100 and not self.size:
+            self.keep_alive = False  # the caller may leave its body out, and nobody could tell
         parts = [STATUS_LINE[status]]
         for name, value in self._line.server_state.default_headers:
             parts += (name, b": ", value, b"\r\n")
         for name, value in headers:
             parts += (name, b": ", value, b"\r\n")
+        if self.allowed_origin is not None:
+            parts += (b"access-control-allow-origin: ", self.allowed_origin, b"\r\n", _EXPOSE)
         parts.append(b"\r\n" if self.keep_alive else b"connection: close\r\n\r\n")
         return b"".join(parts)
 

@@ -26,12 +26,13 @@ from contracts.health import Access
 from service_kit.auth import OPEN_PATHS, note_access
 from service_kit.errors import ServiceError, error_response
 from service_kit.metrics import HttpMetrics
+from service_kit.requests import Origins, without_encoding
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.port import CacheDown
-from services.vlm_gateway.errors import CacheUnavailable, ModelOverloaded, NotRecorded
+from services.vlm_gateway.errors import CacheUnavailable, NotRecorded
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.hot.calls import Answered, ChatCall, Models
-from services.vlm_gateway.hot.deadline import slow_body, too_late
+from services.vlm_gateway.hot.deadline import too_late
 from services.vlm_gateway.hot.exchange import Exchange, Head, Stored, head_of, too_large
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.relay import Broadcast
@@ -45,8 +46,6 @@ log = logging.getLogger(__name__)
 ADMIN_PATHS = frozenset({"/metrics", "/v1/status"})
 BIG_SKELETON_BYTES = 256 * 1024
 """From here on what is left of a body is parsed in a thread, so that other callers are still answered."""
-MAX_HELD_BYTES = 512 * 1024 * 1024
-"""Of all requests under way together."""
 FORMAT = b"2"
 """Part of every key; raise it when the form of the stored answers changes."""
 
@@ -68,7 +67,7 @@ class Frontend:
         request_log: RequestLog,
         *,
         max_body_bytes: int,
-        body_within_s: float,
+        origins: Origins,
     ) -> None:
         self._app = app
         self._default = models.default or ""
@@ -78,9 +77,8 @@ class Frontend:
         self._http = http
         self._log = request_log
         self.max_body_bytes = max_body_bytes
-        self._body_within_s = body_within_s
+        self._origins = origins
         self._models = models
-        self._held = 0
         self._flights: Flights[Answered] = Flights()
         self._streams: dict[str, Broadcast] = {}
         self._hashes: dict[Key, blake3] = {}
@@ -94,7 +92,7 @@ class Frontend:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Everything but chats: the same keys and budgets, then the framework."""
         path = scope["path"] if scope["type"] == "http" else ""
-        if not path:
+        if not path or scope["method"] == "OPTIONS":
             await self._app(scope, receive, send)
             return
         if path in OPEN_PATHS:
@@ -133,6 +131,8 @@ class Frontend:
         self._http.in_flight += 1
         try:
             head = exchange.head
+            if head.origin is not None:
+                self._check_origin(head, exchange)
             exchange.key = self._keys.of(head.authorization)
             exchange.key.enter()
             asking.set(exchange.key)
@@ -156,9 +156,9 @@ class Frontend:
         exchange.outcome = error.code
         if error.status in (401, 429):
             self._metrics.refused(exchange.key.name, error.code)
-        if not exchange.started:
-            if error.status in (408, 413):
-                exchange.keep_alive = False  # what is left of the body is not going to be read
+        if not exchange.response_started:
+            if error.status == 408:
+                exchange.keep_alive = False  # what is left of the body is not waited for
             exchange.tell(_rendered(error))
         elif not exchange.response_complete:
             exchange.last(_event(error))
@@ -166,18 +166,13 @@ class Frontend:
     async def _watched(self, head: Head, exchange: Exchange) -> None:
         """The chat, for as long as its caller stays and is going to wait."""
         deadline = exchange.deadline
-        held = 0
         try:
             limit_s = head.timeout_s
             if head.length > self.max_body_bytes:
                 raise too_large(self.max_body_bytes)
-            if self._held + head.length > MAX_HELD_BYTES:
-                raise ModelOverloaded("the gateway holds as many bytes of requests as it may; ask again later")
-            held = head.length
-            self._held += held
-            raw = await self._body(exchange)
-            self._held += len(raw) - held  # of a body that came without its length
-            held = len(raw)
+            raw = await exchange.body()
+            if head.encoding is not None:
+                raw = await without_encoding(raw, head.encoding.decode("latin-1"), self.max_body_bytes)
             if limit_s is not None:
                 deadline.limit(max(0.001, limit_s - exchange.took_s()), partial(too_late, limit_s))
             await self._served(head, raw, exchange)
@@ -188,17 +183,14 @@ class Frontend:
             assert task is not None
             task.uncancel()
             raise deadline.why from None
-        finally:
-            self._held -= held
 
-    async def _body(self, exchange: Exchange) -> bytes:
-        """The request's body, bounded in size and time while it comes in."""
-        if exchange.body_is_whole:
-            return await exchange.body()
-        exchange.deadline.limit(self._body_within_s, slow_body)
-        body = await exchange.body()
-        exchange.deadline.unlimited()
-        return body
+    def _check_origin(self, head: Head, exchange: Exchange) -> None:
+        """Raises UnsupportedMedia."""
+        origin = (head.origin or b"").decode("latin-1")
+        if self._origins.names(origin):
+            exchange.allowed_origin = head.origin
+        kind, host = (head.kind or b"").decode("latin-1"), (head.host or b"").decode("latin-1")
+        self._origins.check(kind, origin, host)
 
     async def _served(self, head: Head, raw: bytes, exchange: Exchange) -> None:
         scanned = scan(raw)

@@ -1,9 +1,8 @@
-"""Chats straight from the socket and back; everything else is uvicorn's as it was.
+"""Chats straight from the socket and back; everything else goes the framework's way.
 
 uvicorn hands a body on in pieces, each with a message, an event, a copy and a pause of the socket: for a chat with a
-picture that takes longer than all that is done about it here. So uvicorn's connection is used, with what it knows of
-keep-alive, pipelining and shutdown, and one thing is done otherwise: a chat's body is gathered, and its answer written,
-without messages.
+picture that takes longer than all that is done about it here. So a chat's body is gathered, and its answer written,
+without messages; the rest is the connection that every service has (service_kit/http_protocol.py).
 """
 
 from collections.abc import Coroutine
@@ -12,8 +11,11 @@ from urllib.parse import unquote_to_bytes
 
 import httptools
 from uvicorn.protocols.http.flow_control import HIGH_WATER_LIMIT
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
+from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 
+from service_kit.errors import ServiceError
+from service_kit.http_limits import OpenConnections
+from service_kit.http_protocol import ServiceProtocol
 from services.vlm_gateway.hot.exchange import Exchange
 
 PATH = "/v1/chat/completions"
@@ -31,21 +33,21 @@ class ChatServer(Protocol):
     def chat(self, exchange: Exchange) -> Coroutine[Any, Any, None]: ...
 
 
-class CallerProtocol(HttpToolsProtocol):
+class CallerProtocol(ServiceProtocol):
     """One connection of a caller."""
 
-    def __init__(self, frontend: ChatServer, **uvicorns: Any) -> None:
-        super().__init__(**uvicorns)
+    def __init__(self, frontend: ChatServer, connections: OpenConnections, **uvicorns: Any) -> None:
+        super().__init__(connections, **uvicorns)
         self._frontend = frontend
         self._coming: Exchange | None = None
         self._served: Exchange | None = None
 
     # -- what the parser tells
 
-    def on_headers_complete(self) -> None:
+    def on_request(self) -> None:
         self._coming = None
-        if self.parser.get_method() != b"POST" or self.parser.should_upgrade() or not self._is_chat():
-            super().on_headers_complete()
+        if self.parser.get_method() != b"POST" or not self._is_chat():
+            super().on_request()
             return
         keep_alive = self.parser.get_http_version() != "1.0" and self.parser.should_keep_alive()
         exchange = Exchange(self, self.headers, keep_alive, self.expect_100_continue, self._frontend.max_body_bytes)
@@ -58,17 +60,17 @@ class CallerProtocol(HttpToolsProtocol):
             if len(self.pipeline) == MAX_AHEAD:
                 self.flow.pause_reading()
 
-    def on_body(self, body: bytes) -> None:
+    def take_body(self, body: bytes) -> None:
         if self._coming is None:
-            super().on_body(body)
+            super().take_body(body)
         else:
             self._coming.came(body)
             if self._coming is not self._served and self._coming.size > HIGH_WATER_LIMIT:
                 self.flow.pause_reading()
 
-    def on_message_complete(self) -> None:
+    def end_body(self) -> None:
         if self._coming is None:
-            super().on_message_complete()
+            super().end_body()
         else:
             self._coming.came_whole()
 
@@ -81,6 +83,12 @@ class CallerProtocol(HttpToolsProtocol):
         if self._served is not None:
             self._served.left()
         super().connection_lost(exc)
+
+    def refuse_request(self, error: ServiceError) -> None:
+        if self._coming is not None and self._coming is self._served and not self._coming.response_complete:
+            self._coming.deadline.end(error)
+        else:
+            super().refuse_request(error)
 
     def _start_asgi_task(self, cycle: RequestResponseCycle | Exchange, app: Any) -> None:
         """Also called for what was pipelined, when its turn has come."""

@@ -5,8 +5,10 @@ from typing import Any
 
 import httpx
 
+from contracts.cameras import default_rig
 from contracts.scene import Scene
-from contracts.sim import Catalogue, CatalogueEntry, Episode, Observation
+from contracts.sim import Catalogue, CatalogueEntry, Episode
+from contracts.vehicle import Observation
 from services.sim.episodes import Episodes
 from services.sim.geometry.scene_mesh import SceneMesh
 
@@ -35,10 +37,15 @@ class Simulator:
         self.url = url
         self.episodes = episodes
 
-    def start(self, scene: Scene, **more: Any) -> Episode:
-        answer = self.http.post("/v1/episodes", json={"scene": scene.model_dump(mode="json"), **more})
+    def start(self, scene: Scene, size: int = 64, **more: Any) -> Episode:
+        """An episode with the paper's five cameras, their pictures `size` pixels square."""
+        answer = self.http.post("/v1/episodes", json=self.question(scene, size, **more))
         assert answer.status_code == 201, answer.text
         return Episode.model_validate_json(answer.content)
+
+    def question(self, scene: Scene, size: int = 64, **more: Any) -> dict[str, Any]:
+        rig = default_rig().scaled_to(size)
+        return {"scene": scene.model_dump(mode="json"), "rig": rig.model_dump(mode="json"), **more}
 
     def move(self, episode: str, number: int, path: list[dict[str, float]], **more: Any) -> httpx.Response:
         return self.http.put(f"/v1/episodes/{episode}/moves/{number}", json={"path": path, **more})

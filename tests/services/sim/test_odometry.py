@@ -6,7 +6,8 @@ import pytest
 
 from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
-from contracts.sim import Claim, Flight, Move
+from contracts.sim import Claim, EpisodeQuestion, Flight
+from contracts.vehicle import Move, MoveResult
 from services.sim.episode import LiveEpisode
 from services.sim.odometry import Odometry
 from services.sim.scenes import make_ready
@@ -37,25 +38,34 @@ def test_the_direction_hangs_on_the_seeds_alone() -> None:
 
 
 def _episode(scene: Scene, drift: float) -> LiveEpisode:
-    return LiveEpisode("e", make_ready(scene, build_boxes), Flight(drift=drift), "tiny", "")
+    question = EpisodeQuestion(scene=scene, flight=Flight(drift=drift))
+    return LiveEpisode("e", make_ready(scene, build_boxes), question, "tiny", "")
+
+
+def _moved(episode: LiveEpisode, number: int, *path: Point3) -> MoveResult:
+    assert episode.begin(number, Move(path=path)) is None
+    assert episode.advance(math.inf)
+    return episode.result(number)
 
 
 def test_the_reported_pose_strays_while_moves_and_pictures_stay_true(yard: Scene) -> None:
     episode = _episode(yard, 0.02)
     try:
-        told = episode.state(0.0).pose
+        told = episode.state().pose
         path = (Point3(x=told.x, y=told.y, z=7.65), Point3(x=told.x, y=told.y + 8.0, z=7.65))
-        result = episode.move(1, Move(path=path), 0.0)
+        result = _moved(episode, 1, *path)
         # told to fly 8 m, it did; it only believes to be elsewhere
-        assert episode.pose.y == pytest.approx(told.y + 8.0)
-        assert math.dist((result.pose.x, result.pose.y), (episode.pose.x, episode.pose.y)) == pytest.approx(0.16)
-        assert result.episode.pose == result.pose
+        assert episode.drone.pose.y == pytest.approx(told.y + 8.0)
+        assert math.dist((result.pose.x, result.pose.y), (episode.drone.pose.x, episode.drone.pose.y)) == pytest.approx(
+            0.16
+        )
+        assert result.vehicle.pose == result.pose
         # a step of 1 m from where it believes to be is a true metre
         again = Point3(x=result.pose.x - 1.0, y=result.pose.y, z=result.pose.z)
-        before = episode.pose
-        episode.move(2, Move(path=(again,)), 0.0)
-        assert episode.pose.x == pytest.approx(before.x - 1.0)
-        assert episode.pose.y == pytest.approx(before.y)
+        before = episode.drone.pose
+        _moved(episode, 2, again)
+        assert episode.drone.pose.x == pytest.approx(before.x - 1.0)
+        assert episode.drone.pose.y == pytest.approx(before.y)
     finally:
         episode.close()
 
@@ -65,9 +75,9 @@ def test_a_claim_is_judged_by_the_true_pose_and_means_what_is_seen_beside_the_dr
         episode = _episode(yard, drift)
         try:
             x, y = 0.0, -7.0
-            episode.move(1, Move(path=(Point3(x=0.0, y=-15.0, z=7.65), Point3(x=x, y=y, z=7.65))), 0.0)
-            off = (episode.state(0.0).pose.x - episode.pose.x, episode.state(0.0).pose.y - episode.pose.y)
-            verdict = episode.claim(Claim(target=Point3(x=off[0], y=-5.3 + off[1], z=7.1)), 0.0)
+            _moved(episode, 1, Point3(x=0.0, y=-15.0, z=7.65), Point3(x=x, y=y, z=7.65))
+            off = (episode.state().pose.x - episode.drone.pose.x, episode.state().pose.y - episode.drone.pose.y)
+            verdict = episode.claim(Claim(target=Point3(x=off[0], y=-5.3 + off[1], z=7.1)))
             assert verdict.delivered
             assert verdict.distance_m == pytest.approx(2.0, abs=0.01)
         finally:

@@ -7,25 +7,28 @@ import pytest
 
 from contracts.images import decode_depth, decode_jpeg
 from contracts.scene import Scene
-from contracts.sim import Catalogue, Episode, MoveResult, Truth, Verdict
+from contracts.sim import Catalogue, Episode, Truth, Verdict
+from contracts.vehicle import MoveResult, VehicleState
 from tests.services.sim.running_sim import BEFORE_THE_POT, CATALOGUE, Simulator, error
 
 
 def test_a_delivery_from_start_to_verdict(sim: Simulator, yard: Scene) -> None:
     episode = sim.start(yard)
-    assert (episode.status, episode.moves, episode.path_m, episode.collided) == ("flying", 0, 0.0, False)
-    assert episode.scene == "yard"
+    drone = episode.vehicle
+    assert (episode.status, episode.scene, episode.rig) == ("flying", "yard", "paper-five")
+    assert (drone.mode, drone.moves, drone.path_m, drone.collided) == ("holding", 0, 0.0, False)
     flown = MoveResult.model_validate_json(sim.move(episode.id, 1, BEFORE_THE_POT).content)
     assert flown.reached
     assert flown.hit is None
     assert flown.path_m == pytest.approx(6.15 + 8.0)
     assert flown.flight_s > 14.15 / 4.0
-    assert flown.episode.path_horizontal_m == pytest.approx(8.0)
+    assert flown.vehicle.path_horizontal_m == pytest.approx(8.0)
     verdict = Verdict.model_validate_json(sim.http.post(f"/v1/episodes/{episode.id}/claim", json={}).content)
     assert verdict.delivered
     assert verdict.right_window
     assert verdict.distance_m == pytest.approx(2.0)
-    assert verdict.episode.status == "claimed"
+    assert verdict.vehicle == VehicleState.model_validate_json(sim.http.get(f"/v1/episodes/{episode.id}").content)
+    assert sim.http.get(f"/v1/episodes/{episode.id}/trial").json()["status"] == "claimed"
     assert sim.http.delete(f"/v1/episodes/{episode.id}").status_code == 204
     assert sim.http.get(f"/v1/episodes/{episode.id}").status_code == 404
 
@@ -38,7 +41,7 @@ def test_the_first_claim_ends_the_episode_and_stays_its_verdict(sim: Simulator, 
     better = sim.http.post(claim, json={"target": {"x": 0.0, "y": -5.3, "z": 7.1}})
     assert better.json() == first.json()
     assert error(sim.move(episode.id, 1, BEFORE_THE_POT))[:2] == (409, "episode_claimed")
-    assert sim.http.get(f"/v1/episodes/{episode.id}").json()["status"] == "claimed"
+    assert sim.http.get(f"/v1/episodes/{episode.id}/trial").json()["status"] == "claimed"
 
 
 def test_a_move_sent_twice_is_flown_once(sim: Simulator, yard: Scene) -> None:
@@ -74,34 +77,35 @@ def test_a_collision_is_remembered(sim: Simulator, yard: Scene) -> None:
     assert hit["pose"]["y"] < -5.3
     back = sim.move(episode.id, 2, [{"x": 0.0, "y": -15.0, "z": 1.5}]).json()
     assert (back["reached"], back["collided"], back["hit"]) == (True, False, None)
-    assert back["episode"]["collided"]
+    assert back["vehicle"]["collided"]
     sim.move(episode.id, 3, BEFORE_THE_POT)
     verdict = sim.http.post(f"/v1/episodes/{episode.id}/claim").json()
     assert (verdict["right_window"], verdict["delivered"], verdict["collided"]) == (True, False, True)
 
 
 def test_five_views_with_depth_in_one_call(sim: Simulator, yard: Scene) -> None:
-    episode = sim.start(yard)
-    seen = sim.look(episode.id, size=96)
-    assert [view.heading_deg for view in seen.views] == [-90, -45, 0, 45, 90]
-    assert (seen.camera.width, seen.camera.height, seen.camera.focal_px) == (96, 96, 48.0)
+    episode = sim.start(yard, size=96)
+    seen = sim.look(episode.id)
+    assert seen.vehicle == episode.id
+    assert [view.camera.name for view in seen.views] == ["left", "front-left", "front", "front-right", "right"]
+    assert {(v.camera.width, v.camera.height, v.camera.fx_px) for v in seen.views} == {(96, 96, 48.0)}
     front = seen.views[2]
     assert decode_jpeg(front.image).shape == (96, 96, 3)
     assert front.depth is not None
     # the facade is 10 m ahead of the start, upright to the axis: the same planar depth all along it
     assert decode_depth(front.depth)[40, 30:66] == pytest.approx(10.0, abs=0.02)
-    assert sim.look(episode.id, size=96).number == 2
+    assert sim.look(episode.id).number == 2
 
 
 def test_any_subset_of_views_in_the_order_asked_for(sim: Simulator, yard: Scene) -> None:
     episode = sim.start(yard)
-    seen = sim.look(episode.id, views="90,+0", size=64, depth="false")
-    assert [view.heading_deg for view in seen.views] == [90, 0]
+    seen = sim.look(episode.id, cameras="right, front", depth="false")
+    assert [view.camera.name for view in seen.views] == ["right", "front"]
     assert all(view.depth is None for view in seen.views)
 
 
 def test_the_same_scene_gives_the_same_bytes(sim: Simulator, yard: Scene) -> None:
-    first, second = (sim.look(sim.start(yard).id, size=128) for _ in range(2))
+    first, second = (sim.look(sim.start(yard, size=128).id) for _ in range(2))
     assert first.views == second.views
 
 
@@ -123,11 +127,11 @@ def test_the_truth_after_a_look_is_that_without_one_and_follows_the_drone(sim: S
         answer = sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question)
         return Truth.model_validate_json(answer.content)
 
-    looked, blind = sim.start(yard), sim.start(yard)
-    sim.look(looked.id, size=128, views="0,90")
-    sim.look(looked.id, size=64)
+    looked, blind = sim.start(yard, size=128), sim.start(yard)
+    sim.look(looked.id, cameras="front,right")
+    sim.look(blind.id)
     assert told(looked).views == told(blind).views
-    sim.look(looked.id, size=128)
+    sim.look(looked.id)
     assert told(looked).views == told(blind).views
     for episode in (looked, blind):
         sim.move(episode.id, 1, BEFORE_THE_POT)
@@ -164,8 +168,7 @@ def test_ready_and_every_answer_say_which_renderer_draws(launch: Callable[..., S
     episode = plain.start(yard)
     assert episode.renderer == "tiny"
     assert "asked for by the settings" in episode.renderer_detail
-    seen = plain.look(episode.id, size=64, views="0")
-    assert seen.renderer == "tiny"
+    seen = plain.look(episode.id, cameras="front")
     depth = seen.views[0].depth
     assert depth is not None
     assert decode_depth(depth)[28, 20:44] == pytest.approx(10.0, abs=0.05)

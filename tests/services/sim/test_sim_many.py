@@ -38,7 +38,7 @@ async def test_calls_on_one_episode_run_one_after_the_other(sim: Simulator, yard
     episode = sim.start(yard)
     url = f"{sim.url}/v1/episodes/{episode.id}"
     async with httpx.AsyncClient(timeout=120.0) as http:
-        looks = [http.get(f"{url}/observation", params={"size": 64}) for _ in range(4)]
+        looks = [http.get(f"{url}/observation") for _ in range(4)]
         moves = [http.put(f"{url}/moves/1", json={"path": BEFORE_THE_POT}) for _ in range(4)]
         answers = await asyncio.gather(*looks, *moves)
     assert {a.status_code for a in answers} == {200}
@@ -51,10 +51,10 @@ async def test_many_episodes_at_once_each_keep_their_own_count(sim: Simulator, y
     async with httpx.AsyncClient(base_url=sim.url, timeout=120.0) as http:
 
         async def one(z: float) -> tuple[float, dict[str, Any]]:
-            started = await http.post("/v1/episodes", json={"scene": yard.model_dump(mode="json")})
+            started = await http.post("/v1/episodes", json=sim.question(yard))
             i = started.json()["id"]
             await http.put(f"/v1/episodes/{i}/moves/1", json={"path": [{"x": 0.0, "y": -15.0, "z": z}]})
-            await http.get(f"/v1/episodes/{i}/observation", params={"size": 64})
+            await http.get(f"/v1/episodes/{i}/observation")
             state = (await http.get(f"/v1/episodes/{i}")).json()
             await http.delete(f"/v1/episodes/{i}")
             return z, state
@@ -121,7 +121,7 @@ def test_while_a_scene_is_built_others_fly_on_and_health_answers(
         assert begun.wait(120)
         assert busy.http.get("/healthz").status_code == 200
         assert busy.move(episode.id, 1, BEFORE_THE_POT).json()["reached"]
-        assert busy.look(episode.id, size=64).number == 1
+        assert busy.look(episode.id).number == 1
         assert busy.start(yard).status == "flying"
         assert not waiting.done()
         go_on.set()
@@ -149,4 +149,4 @@ def test_more_pictures_than_can_wait_are_refused_and_told_by_readiness(
     assert error(jammed.http.get("/readyz"))[:2] == (503, "not_ready")
     go_on.set()
     queued.result(120)
-    assert jammed.look(episode.id, size=64).number == 1
+    assert jammed.look(episode.id).number == 1

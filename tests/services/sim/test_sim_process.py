@@ -12,9 +12,11 @@ import httpx
 import numpy as np
 import pytest
 
+from contracts.cameras import default_rig
 from contracts.images import decode_depth, decode_jpeg
 from contracts.scene import Scene
-from contracts.sim import Catalogue, Episode, Observation, Truth
+from contracts.sim import Catalogue, Episode, Truth
+from contracts.vehicle import Observation
 
 
 def spawn(**settings: str) -> subprocess.Popen[str]:
@@ -62,11 +64,12 @@ def test_a_real_scene_is_seen_flown_in_and_told(
     with httpx.Client(base_url=process[1], timeout=60.0) as http:
         kinds = {e.kind for e in Catalogue.model_validate_json(http.get("/v1/catalogue").content).entries}
         assert "flower_pot" in kinds
-        document = {"scene": catalogued(yard_with).model_dump(mode="json")}
+        rig = default_rig().scaled_to(160).model_dump(mode="json")
+        document = {"scene": catalogued(yard_with).model_dump(mode="json"), "rig": rig}
         episode = Episode.model_validate_json(http.post("/v1/episodes", json=document).content)
         path = [{"x": 0.0, "y": -15.0, "z": 7.4}, {"x": 0.0, "y": -8.0, "z": 7.4}]
         assert http.put(f"/v1/episodes/{episode.id}/moves/1", json={"path": path}).json()["reached"]
-        seen = http.get(f"/v1/episodes/{episode.id}/observation", params={"size": 160, "views": "0"})
+        seen = http.get(f"/v1/episodes/{episode.id}/observation", params={"cameras": "front"})
         view = Observation.model_validate_json(seen.content).views[0]
         assert view.depth is not None
         depth_m = decode_depth(view.depth)

@@ -11,12 +11,10 @@ from tests.services.sim.running_sim import Simulator, error
 @pytest.mark.parametrize(
     ("query", "code", "said"),
     [
-        ({"views": "7"}, "bad_views", "'7'; choose from -90, -45, 0, 45, 90"),
-        ({"views": ""}, "bad_views", "choose from"),
-        ({"views": "0,0"}, "bad_views", "once"),
-        ({"views": "0," * 30}, "invalid", "views"),
-        ({"size": 5000}, "invalid", "size"),
-        ({"size": "big"}, "invalid", "size"),
+        ({"cameras": "back"}, "bad_cameras", "'back'; choose from left, front-left, front, front-right, right"),
+        ({"cameras": ""}, "bad_cameras", "choose from"),
+        ({"cameras": "front,front"}, "bad_cameras", "once"),
+        ({"cameras": "front," * 300}, "invalid", "cameras"),
         ({"depth": "maybe"}, "invalid", "depth"),
     ],
 )

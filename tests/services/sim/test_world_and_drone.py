@@ -6,9 +6,10 @@ import pybullet
 import pytest
 
 from contracts.geometry import Point3, Pose
-from contracts.sim import Flight, Move
-from services.sim.drone import fly
+from contracts.sim import Flight
+from contracts.vehicle import Move
 from services.sim.geometry.scene_mesh import Solid
+from services.sim.trajectory import Flown, plan
 from services.sim.world import EDGE, GROUND, Blueprint, Hit, World
 
 BOX_FACES = np.array(
@@ -49,6 +50,10 @@ def pose(x: float, y: float, z: float, yaw: float = 0.0) -> Pose:
 
 def to(*points: tuple[float, float, float], yaw: float | None = None) -> Move:
     return Move(path=tuple(Point3(x=x, y=y, z=z) for x, y, z in points), yaw=yaw)
+
+
+def fly(world: World, flight: Flight, start: Pose, move: Move) -> Flown:
+    return plan(world, flight, start, [(p.x, p.y, p.z) for p in move.path], move.yaw).end
 
 
 def test_clearance_is_measured_from_the_spheres_surface(world: World) -> None:

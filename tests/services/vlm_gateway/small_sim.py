@@ -5,7 +5,8 @@ import math
 from fastapi import FastAPI
 
 from contracts.geometry import Box, Point3, Pose
-from contracts.sim import Episode, Flight, Truth, TruthQuestion, TruthView, VisibleObject
+from contracts.sim import Truth, TruthQuestion, TruthView, VisibleObject
+from contracts.vehicle import VehicleState
 from service_kit.app import create_app
 from service_kit.errors import NotFound
 
@@ -45,22 +46,17 @@ class SmallSim:
         app = create_app("sim", max_body_bytes=100_000)
 
         @app.get("/v1/episodes/{name}")
-        async def episode(name: str) -> Episode:
+        async def episode(name: str) -> VehicleState:
             self._known(name)
-            return Episode(
+            return VehicleState(
                 id=name,
-                status="flying",
-                scene="s",
+                mode="holding",
                 pose=self.pose,
                 moves=0,
                 path_m=0,
                 path_horizontal_m=0,
                 flight_s=0,
                 collided=False,
-                renderer="tiny",
-                renderer_detail="none",
-                flight=Flight(),
-                expires_in_s=60,
             )
 
         @app.post("/v1/episodes/{name}/truth")

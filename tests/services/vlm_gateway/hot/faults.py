@@ -197,7 +197,7 @@ def _gateway(mock: OpenAiMock | None, redis: RedisProcess | None = None) -> Iter
     cache = None if redis is None else RedisCache(redis.url, ttl_s=0)
     app = build({"m": chat_backend(mock, timeout_s=TIMEOUT_S if redis is None else 10.0)}, cache=cache).app
     port = free_port()
-    server = uvicorn.Server(server_config(app, "127.0.0.1", port, timeout_graceful_shutdown=2))
+    server = uvicorn.Server(server_config(app, "127.0.0.1", port, drain_s=2))
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:

@@ -1,5 +1,6 @@
 """A caller's connection, byte by byte: what a client library would never send, over real HTTP."""
 
+import gzip
 import json
 import socket
 import threading
@@ -12,6 +13,8 @@ import httpx
 import pytest
 import uvicorn
 
+from service_kit.http_limits import ConnectionLimits
+from service_kit.requests import Origins
 from service_kit.run import server_config
 from tests.conftest import Serve, free_port
 from tests.services.vlm_gateway.kit import build, chat_backend, metric, sqlite_cache, wait_until
@@ -152,12 +155,6 @@ def test_the_same_address_written_otherwise_is_the_same(caller_of: Calling, url:
     status, headers, _ = caller.answer()
     assert (status, headers["x-cache"]) == (200, "off")
 
-
-def test_what_is_no_plain_chat_is_refused(caller_of: Calling, url: str) -> None:
-    caller = caller_of(url)
-    caller.send(post(b"", "upgrade: h2c", "connection: upgrade"))
-    status, _, body = caller.answer()
-    assert (status, json.loads(body)["error"]["code"]) in [(400, "no_upgrade"), (422, "invalid")]
     caller = caller_of(url)
     caller.send(f"GET {PATH} HTTP/1.1\r\nhost: gateway\r\n\r\n".encode())
     assert caller.answer()[0] == 405
@@ -184,7 +181,7 @@ def test_a_request_refused_before_its_body_came_leaves_the_connection_in_step(ca
 
 
 def test_a_body_that_does_not_come_is_not_waited_for(caller_of: Calling, serve: Serve, mock: OpenAiMock) -> None:
-    caller = caller_of(serve(build({"m": chat_backend(mock)}, body_within_s=0.2).app))
+    caller = caller_of(serve(build({"m": chat_backend(mock)}).app, ConnectionLimits(100, body_within_s=0.2)))
     caller.send(post(chat())[:-1])
     status, _, body = caller.answer()
     assert (status, json.loads(body)["error"]["code"]) == (408, "slow_body")
@@ -252,3 +249,25 @@ def test_many_bodies_are_never_mixed_up(caller_of: Calling, url: str, mock: Open
     firsts = sorted(int(asked.body["messages"][0]["content"].split()[0]) for asked in mock.asked)
     assert firsts == list(range(20))
     assert httpx.get(url + "/healthz", timeout=60).status_code == 200
+
+
+def test_web_pages_of_listed_origins_may_chat_and_others_only_as_programs_do(serve: Serve, mock: OpenAiMock) -> None:
+    url = serve(build({"m": chat_backend(mock)}, origins=Origins(["https://ground.example"])).app)
+    asks = {"origin": "https://ground.example", "access-control-request-method": "POST"}
+    assert httpx.options(url + PATH, headers=asks).headers["access-control-allow-origin"] == "https://ground.example"
+    mine = httpx.post(url + PATH, content=chat(), headers={"origin": "https://ground.example"}, timeout=60)
+    assert (mine.status_code, mine.headers["access-control-allow-origin"]) == (200, "https://ground.example")
+    wrong = httpx.post(url + PATH, content=b"{}", headers={"origin": "https://ground.example"}, timeout=60)
+    assert (wrong.status_code, wrong.headers["access-control-allow-origin"]) == (422, "https://ground.example")
+    foreign = {"origin": "https://evil.example", "content-type": "text/plain"}
+    refused = httpx.post(url + PATH, content=chat(), headers=foreign, timeout=60)
+    assert (refused.status_code, refused.json()["error"]["code"]) == (415, "unsupported_media_type")
+    assert "access-control-allow-origin" not in refused.headers
+
+
+def test_a_chat_sent_as_gzip_is_answered(serve: Serve, mock: OpenAiMock) -> None:
+    url = serve(build({"m": chat_backend(mock)}).app)
+    packed = {"content-encoding": "gzip"}
+    answer = httpx.post(url + PATH, content=gzip.compress(chat("packed")), headers=packed, timeout=60)
+    assert (answer.status_code, mock.asked[-1].body["messages"][0]["content"]) == (200, "packed")
+    assert httpx.post(url + PATH, content=b"no gzip", headers=packed, timeout=60).status_code == 400

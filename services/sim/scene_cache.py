@@ -14,7 +14,7 @@ from services.sim.scenes import ReadyScene, SceneBuilder, make_ready, scene_key
 T = TypeVar("T")
 
 
-class Shelved:
+class CachedScene:
     """A scene in both memories, the processor's and the renderer's; `users` episodes fly in it."""
 
     def __init__(self, ready: ReadyScene, uploaded: Uploaded) -> None:
@@ -23,18 +23,18 @@ class Shelved:
         self.users = 0
 
 
-class SceneShelf:
-    """Lends scenes out. Those that nobody uses stay, `keep` of them at most, the longest unused goes first."""
+class SceneCache:
+    """Those that nobody uses stay, `keep` of them at most, the longest unused goes first."""
 
     def __init__(self, build: SceneBuilder, renderer: RenderThread, workers: Executor, keep: int) -> None:
         self._build = build
         self._renderer = renderer
         self._workers = workers
         self._keep = keep
-        self._scenes: dict[str, Shelved] = {}
+        self._scenes: dict[str, CachedScene] = {}
         self._building = asyncio.Lock()
 
-    async def borrow(self, scene: Scene) -> Shelved:
+    async def acquire(self, scene: Scene) -> CachedScene:
         """Built now where it isn't there yet, one at a time. Raises BadQuestion or Unavailable."""
         key = scene_key(scene)
         if key not in self._scenes:
@@ -42,24 +42,24 @@ class SceneShelf:
                 if key not in self._scenes:
                     loop = asyncio.get_running_loop()
                     ready = await loop.run_in_executor(self._workers, make_ready, scene, self._build)
-                    self._scenes[key] = Shelved(ready, await self._upload(ready))
-        shelved = self._scenes[key]
-        shelved.users += 1
-        return shelved
+                    self._scenes[key] = CachedScene(ready, await self._upload(ready))
+        cached = self._scenes[key]
+        cached.users += 1
+        return cached
 
-    async def give_back(self, shelved: Shelved) -> None:
-        """Once for each `borrow`."""
-        shelved.users -= 1
-        key = shelved.ready.key
-        if shelved.users == 0 and self._scenes.get(key) is shelved:
+    async def release(self, cached: CachedScene) -> None:
+        """Once for each `acquire`."""
+        cached.users -= 1
+        key = cached.ready.key
+        if cached.users == 0 and self._scenes.get(key) is cached:
             self._scenes[key] = self._scenes.pop(key)  # the last to have been used
         unused = [k for k, s in self._scenes.items() if s.users == 0]
         for old in unused[: max(0, len(unused) - self._keep)]:
             gone = self._scenes.pop(old)
             try:
-                await self._release(gone)
+                await self._unload(gone)
             except Unavailable:
-                self._scenes.setdefault(old, gone)  # it goes when the next scene is given back
+                self._scenes.setdefault(old, gone)  # it goes when the next scene is released
                 break
 
     def __len__(self) -> int:
@@ -71,8 +71,8 @@ class SceneShelf:
         except ValueError as error:
             raise BadQuestion(f"the scene can't be drawn: {error}", code="bad_scene") from None
 
-    async def _release(self, shelved: Shelved) -> None:
-        await draw(self._renderer, lambda _: shelved.uploaded.release())
+    async def _unload(self, cached: CachedScene) -> None:
+        await draw(self._renderer, lambda _: cached.uploaded.release())
 
 
 async def draw(renderer: RenderThread, job: Callable[[Renderer], T]) -> T:

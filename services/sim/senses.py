@@ -1,0 +1,119 @@
+"""What the drone of one episode sees, and, for the oracle, what is really there."""
+
+import asyncio
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from typing import NamedTuple, TypeVar
+
+from contracts.cameras import Camera, Rig, default_rig
+from contracts.geometry import Heading, Pose
+from contracts.images import encode_depth_units, encode_jpeg
+from contracts.sim import Truth, TruthQuestion
+from contracts.vehicle import Observation, SensedView
+from service_kit.errors import BadQuestion
+from services.sim.episode import LiveEpisode
+from services.sim.render.thread import RenderThread
+from services.sim.scene_cache import CachedScene, draw
+from services.sim.truth import Ids, truth_view
+
+T = TypeVar("T")
+
+
+class _Labels(NamedTuple):
+    """The ids that were drawn beside the last pictures: until the drone moves they are the truth's pictures too."""
+
+    pose: Pose
+    views: dict[Camera, Ids]
+
+
+class Senses:
+    """One call at a time. `labelled`: the truth will be asked, so every look keeps what each pixel shows."""
+
+    def __init__(
+        self, episode: LiveEpisode, cached: CachedScene, renderer: RenderThread, workers: Executor, *, labelled: bool
+    ) -> None:
+        self._episode = episode
+        self._cached = cached
+        self._renderer = renderer
+        self._workers = workers
+        self._labelled = labelled
+        self._labels: _Labels | None = None
+
+    async def look(self, cameras: Sequence[str] | None, depth: bool) -> Observation:
+        """The named cameras' views of one moment, also on the way; all of the rig's where none are named. Raises
+        BadQuestion or Unavailable."""
+        episode, uploaded, labelled = self._episode, self._cached.uploaded, self._labelled
+        chosen = chosen_cameras(episode.rig, cameras)
+        state, pose = episode.state(), episode.drone.pose
+        started = time.perf_counter()
+        drawn = await draw(self._renderer, lambda renderer: renderer.render(uploaded, pose, chosen, labelled=labelled))
+        if drawn.ids is not None:
+            self._labels = _Labels(pose, dict(zip(chosen, drawn.ids, strict=True)))
+        rendered = time.perf_counter()
+        # each picture and each depth map is work of its own; the encoders let other threads run meanwhile
+        images = [self._work(encode_jpeg, rgb) for rgb in drawn.rgb]
+        depths = [self._work(encode_depth_units, units) for units in drawn.depth_units] if depth else []
+        jpegs = await asyncio.gather(*images)
+        maps = await asyncio.gather(*depths) if depth else [None] * len(jpegs)
+        episode.observations += 1
+        return Observation(
+            vehicle=episode.id,
+            number=episode.observations,
+            pose=state.pose,
+            uncertainty=state.uncertainty,
+            views=tuple(
+                SensedView(camera=camera, image=image, depth=depth_map)
+                for camera, image, depth_map in zip(chosen, jpegs, maps, strict=True)
+            ),
+            timings_s={"render": rendered - started, "encode": time.perf_counter() - rendered},
+        )
+
+    async def truth(self, question: TruthQuestion) -> Truth:
+        """Raises Unavailable."""
+        uploaded, ready, drone = self._cached.uploaded, self._cached.ready, self._episode.drone
+        pose, moves = drone.pose, self._episode.moves
+        cameras = _cameras(question.views, question.size)
+        known = self._labels
+        if known is None or known.pose != pose:
+            known = _Labels(pose, {})
+        missing = tuple(camera for camera in dict.fromkeys(cameras) if camera not in known.views)
+        if missing:
+            ids = await draw(self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, missing))
+            known.views.update(zip(missing, ids, strict=True))
+            self._labels = known
+
+        def found() -> Truth:
+            views = tuple(
+                truth_view(ready.scene, ready.mesh, ready.things, pose, camera, known.views[camera])
+                for camera in cameras
+            )
+            candidates = [drone.true(place) for place in question.candidates]
+            remaining_m = ready.way_home.remaining_m(candidates)
+            return Truth(scene=ready.scene.name, moves=moves, pose=pose, views=views, remaining_m=remaining_m)
+
+        return await self._work(found)
+
+    async def _work(self, job: Callable[..., T], *arguments: object) -> T:
+        return await asyncio.get_running_loop().run_in_executor(self._workers, job, *arguments)
+
+
+def chosen_cameras(rig: Rig, names: Sequence[str] | None) -> tuple[Camera, ...]:
+    """The rig's cameras of these names, in the order asked for. Raises BadQuestion."""
+    if names is None:
+        return rig.cameras
+    known = {camera.name: camera for camera in rig.cameras}
+    wrong = next((name for name in names if name not in known), None)
+    if wrong is not None or not names:
+        raise BadQuestion(
+            f"there is no camera {wrong or ''!r}; choose from {', '.join(known)}, separated by commas",
+            code="bad_cameras",
+        )
+    if len(set(names)) != len(names):
+        raise BadQuestion(f"cameras={','.join(names)}: ask for each camera once", code="bad_cameras")
+    return tuple(known[name] for name in names)
+
+
+def _cameras(headings: Sequence[Heading], size: int) -> list[Camera]:
+    by_heading = {camera.heading_deg: camera for camera in default_rig().scaled_to(size).cameras}
+    return [by_heading[heading] for heading in headings]
