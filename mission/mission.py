@@ -120,7 +120,6 @@ class Mission:
                 self._verdict = await sortie.timed(
                     "claim", sortie.ports.world.claim(sortie.flown.id, Claim(target=end.place))
                 )
-                sortie.episode = self._verdict.vehicle
                 sortie.write(_spoken_verdict(self._verdict), self._verdict)
                 return
             last, leaving = end, found.look if end.blocked else None
