@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-real-server check format schema load bench-sim bench-model train clean
+.PHONY: help setup demo samples test test-slow test-train test-real-server check format schema configuration load bench-sim bench-model train clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -78,6 +78,9 @@ check: setup  ## lint, format, strict types
 
 schema: setup  ## write docs/events.schema.json anew from contracts/events.py
 	@$(BIN)/python -m contracts.events > docs/events.schema.json.new && mv docs/events.schema.json.new docs/events.schema.json
+
+configuration: setup  ## write docs/configuration.md anew from the settings' classes
+	@$(BIN)/python -m scripts.configuration > docs/configuration.md.new && mv docs/configuration.md.new docs/configuration.md
 
 format: setup  ## put the code into the house format
 	@$(BIN)/ruff check --fix-only .

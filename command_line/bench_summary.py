@@ -3,7 +3,7 @@
 from rich.console import Console
 from rich.table import Table
 
-from evaluation.metrics.summary import Rate, Summary
+from evaluation.metrics.summary import ExtensionFigure, Rate, Summary
 
 
 def print_summary(console: Console, summary: Summary, folder: str) -> None:
@@ -21,6 +21,8 @@ def print_summary(console: Console, summary: Summary, folder: str) -> None:
         main.add_row("object absent: not found", spoken(bare.not_found))
         main.add_row("object absent: claimed", spoken(bare.claimed))
         main.add_row("object absent: windows seen", spoken(bare.windows_seen))
+    for figure in summary.extensions.values():
+        main.add_row(figure.title, spoken_figure(figure))
     busy = summary.render_s + summary.model_s
     main.add_row(
         "time",
@@ -36,6 +38,13 @@ def print_summary(console: Console, summary: Summary, folder: str) -> None:
     reasons = "  ".join(f"{name} {count}" for name, count in summary.outcomes.items())
     console.print(f"outcomes  {reasons}", highlight=False)
     console.print(f"results in {folder}", highlight=False, soft_wrap=True)
+
+
+def spoken_figure(figure: ExtensionFigure) -> str:
+    """An extension's figure, or why there is none."""
+    if figure.problem is not None:
+        return f"failed: {figure.problem}"
+    return spoken(figure.rate) if figure.rate is not None else _number(figure.value)
 
 
 def spoken(rate: Rate) -> str:

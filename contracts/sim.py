@@ -80,7 +80,6 @@ class Verdict(Wire):
     in_front: bool
     line_of_sight: bool
     collided: bool
-    vehicle: VehicleState
 
 
 class TruthQuestion(Wire):

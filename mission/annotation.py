@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from contracts.geometry import Box
 from contracts.vlm_gateway import MarkedPoint
+from service_kit.lettering import draw_text, text_width
 
 Picture = NDArray[np.uint8]
 """(H, W, 3) uint8, RGB."""
@@ -46,9 +47,9 @@ def mark_box(rgb: Picture, box: Box, label: str = "", colour: tuple[int, int, in
     for thick, ink in ((max(3, round(6 * unit)), _DARK), (max(1, round(3 * unit)), colour)):
         cv2.rectangle(marked, (left, top), (right, bottom), ink, thick, cv2.LINE_AA)
     if label:
-        at = (min(max(left, 4), width - round(12 * unit * len(label))), max(top - round(8 * unit), round(20 * unit)))
-        cv2.putText(marked, label, at, _FONT, 0.62 * unit, _DARK, max(2, round(5 * unit)), cv2.LINE_AA)
-        cv2.putText(marked, label, at, _FONT, 0.62 * unit, colour, max(1, round(1.6 * unit)), cv2.LINE_AA)
+        size = 20 * unit
+        at = (max(4, min(left, width - text_width(label, size) - 4)), max(top - round(8 * unit), round(size)))
+        draw_text(marked, label, at, size, colour, outline=_DARK)
     return marked
 
 

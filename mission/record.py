@@ -176,7 +176,9 @@ def read_delivery(folder: Path) -> Delivery | None:
     except (OSError, ValidationError):
         return None
     try:
-        result = DeliveryResult.model_validate_json((folder / "result.json").read_text(encoding="utf-8"))
+        result = DeliveryResult.model_validate_json(
+            (folder / "result.json").read_text(encoding="utf-8"), extra="ignore"
+        )
     except (OSError, ValidationError):
         result = cut_off(len(read_events(folder)))
     return delivery.model_copy(

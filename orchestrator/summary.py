@@ -23,6 +23,7 @@ from contracts.geometry import Point3, Pose
 from contracts.orchestrator import Delivery, DeliveryResult
 from mission.record import read_delivery, read_events
 from mission.wording import counted
+from service_kit.lettering import draw_text, text_width, wrapped
 
 Canvas = NDArray[np.uint8]
 Colour = tuple[int, int, int]
@@ -38,7 +39,6 @@ GOOD: Colour = (24, 128, 72)
 BAD: Colour = (186, 44, 36)
 WALL: Colour = (148, 140, 128)
 WAITING: Colour = (232, 156, 44)
-FONT = cv2.FONT_HERSHEY_DUPLEX
 
 
 def draw_summary(folder: Path) -> Path:
@@ -119,23 +119,23 @@ def _read(folder: Path, name: str | None) -> Canvas | None:
 
 
 def _head(canvas: Canvas, delivery: Delivery, result: DeliveryResult) -> None:
-    lines = _wrapped(f'"{delivery.request}"', WIDTH - 2 * MARGIN - 330, 0.82)[:2]
+    lines = wrapped(f'"{delivery.request}"', WIDTH - 2 * MARGIN - 330, 26)[:2]
     for at, line in enumerate(lines):
-        _write(canvas, line, (MARGIN, 52 + 38 * at), 0.82, INK)
+        draw_text(canvas, line, (MARGIN, 52 + 38 * at), 26, INK)
     good = result.outcome == "delivered"
     label = result.outcome.replace("_", " ")
-    wide = _width(label, 0.95) + 44
+    wide = text_width(label, 30) + 44
     left = WIDTH - MARGIN - wide
     cv2.rectangle(canvas, (left, 22), (WIDTH - MARGIN, 78), GOOD if good else BAD, -1, cv2.LINE_AA)
-    _write(canvas, label, (left + 22, 60), 0.95, (255, 255, 255))
+    draw_text(canvas, label, (left + 22, 60), 30, (255, 255, 255))
 
 
 def _panel(canvas: Canvas, left: int, top: int, title: str, picture: Canvas | None) -> None:
-    _write(canvas, title, (left, top + 32), 0.66, INK)
+    draw_text(canvas, title, (left, top + 32), 21, INK)
     top += 48
     if picture is None:
         cv2.rectangle(canvas, (left, top), (left + PANEL, top + PANEL), LINE, 2)
-        _write(canvas, "not reached", (left + PANEL // 2 - 70, top + PANEL // 2), 0.66, SOFT)
+        draw_text(canvas, "not reached", (left + PANEL // 2 - 70, top + PANEL // 2), 21, SOFT)
         return
     canvas[top : top + PANEL, left : left + PANEL] = cv2.resize(picture, (PANEL, PANEL), interpolation=cv2.INTER_AREA)
 
@@ -144,7 +144,7 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
     """The way flown, seen from above: measured poses, and what the depth cameras saw of walls."""
     height, width = canvas.shape[:2]
     cv2.rectangle(canvas, (0, 0), (width - 1, height - 1), LINE, 2)
-    _write(canvas, "The way flown, from above", (18, 34), 0.66, INK)
+    draw_text(canvas, "The way flown, from above", (18, 34), 21, INK)
     track = [(p.x, p.y) for p in track_of(events)]
     walls = [point for e in events if isinstance(e, LookEvent) for point in e.data.returns]
     if not track:
@@ -169,13 +169,13 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
         if isinstance(event, LookEvent) and event.phase == "explore":
             cv2.circle(canvas, at((event.data.pose.x, event.data.pose.y)), 7, TRACK, -1, cv2.LINE_AA)
     cv2.circle(canvas, at(track[0]), 11, INK, -1, cv2.LINE_AA)
-    _write(canvas, "start", (at(track[0])[0] + 16, at(track[0])[1] + 22), 0.56, INK)
+    draw_text(canvas, "start", (at(track[0])[0] + 16, at(track[0])[1] + 22), 18, INK)
     verdict = next((e.data for e in reversed(events) if isinstance(e, VerdictEvent)), None)
     end = GOOD if verdict is not None and verdict.delivered else BAD
     cv2.circle(canvas, at(track[-1]), 11, end, -1, cv2.LINE_AA)
     ten = round(10 * scale)
     cv2.line(canvas, (width - 30 - ten, height - 22), (width - 30, height - 22), SOFT, 2)
-    _write(canvas, "10 m", (width - 30 - ten, height - 32), 0.5, SOFT)
+    draw_text(canvas, "10 m", (width - 30 - ten, height - 32), 16, SOFT)
 
 
 def _inspected(
@@ -194,7 +194,7 @@ def _inspected(
         ((320, "inspected"), (470, "not yet"), (590, "expected")), (GOOD, WAITING, LINE), strict=True
     ):
         cv2.rectangle(canvas, (x, 22), (x + 14, 36), colour, -1)
-        _write(canvas, text, (x + 20, 35), 0.5, SOFT)
+        draw_text(canvas, text, (x + 20, 35), 16, SOFT)
 
 
 def track_of(events: Sequence[Event]) -> list[Pose | Point3]:
@@ -222,35 +222,10 @@ def _facts(canvas: Canvas, left: int, top: int, result: DeliveryResult, events: 
     cv2.rectangle(canvas, (left, top), (WIDTH - MARGIN, top + PLAN - 1), LINE, 2)
     y = top + 46
     for name, value in rows:
-        _write(canvas, name, (left + 24, y), 0.62, SOFT)
-        _write(canvas, value, (left + 330, y), 0.62, INK)
+        draw_text(canvas, name, (left + 24, y), 20, SOFT)
+        draw_text(canvas, value, (left + 330, y), 20, INK)
         y += 46
     y += 8
-    for line in _wrapped(result.message, WIDTH - MARGIN - left - 48, 0.66)[:3]:
-        _write(canvas, line, (left + 24, y), 0.66, GOOD if result.outcome == "delivered" else BAD)
+    for line in wrapped(result.message, WIDTH - MARGIN - left - 48, 21)[:3]:
+        draw_text(canvas, line, (left + 24, y), 21, GOOD if result.outcome == "delivered" else BAD)
         y += 36
-
-
-def _write(canvas: Canvas, text: str, at: tuple[int, int], scale: float, colour: Colour) -> None:
-    cv2.putText(canvas, _plain(text), at, FONT, scale, colour, 1, cv2.LINE_AA)
-
-
-def _width(text: str, scale: float) -> int:
-    return int(cv2.getTextSize(_plain(text), FONT, scale, 1)[0][0])
-
-
-def _plain(text: str) -> str:
-    """The drawing font knows ASCII only."""
-    swaps = {"’": "'", "‘": "'", "“": '"', "”": '"', "–": "-", "—": "-", "°": " deg", "…": "...", "\n": " "}
-    return "".join(swaps.get(c, c if c.isascii() else "?") for c in text)
-
-
-def _wrapped(text: str, width: int, scale: float) -> list[str]:
-    lines = [""]
-    for word in text.split():
-        longer = f"{lines[-1]} {word}".strip()
-        if _width(longer, scale) <= width or not lines[-1]:
-            lines[-1] = longer
-        else:
-            lines.append(word)
-    return lines

@@ -202,7 +202,7 @@ def _choices(info: FieldInfo) -> tuple[str, ...]:
 def _bounds(info: FieldInfo) -> str:
     low = next((mark.ge for mark in info.metadata if isinstance(mark, Ge)), None)
     high = next((mark.le for mark in info.metadata if isinstance(mark, Le)), None)
-    return "" if low is None or high is None else f" from {low} to {high}"
+    return "" if low is None or high is None else f" from {low:.10g} to {high:.10g}"
 
 
 def _kind(info: FieldInfo) -> str:
@@ -242,6 +242,8 @@ def _variable(name: str, info: FieldInfo) -> Variable:
         shown = ""
     elif isinstance(default, bool):
         shown = "on" if default else "off"
+    elif isinstance(default, float):
+        shown = f"{default:.10g}"
     else:
         shown = str(default)
     return Variable(name, _kind(info), shown, info.description or "", _secret(info))

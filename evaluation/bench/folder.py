@@ -178,7 +178,7 @@ def _whole_lines(path: Path, *, mend: bool) -> list[EpisodeRecord]:
     whole = data.rfind(b"\n") + 1
     for number, line in enumerate(data[:whole].splitlines(), start=1):
         try:
-            record = EpisodeRecord.model_validate_json(line)
+            record = EpisodeRecord.model_validate_json(line, extra="ignore")  # of any version
         except ValidationError:
             raise BadFolder(f"{path}, line {number} is not a result") from None
         if record.task in records:

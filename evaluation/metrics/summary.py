@@ -6,11 +6,12 @@ from typing import get_args
 
 import numpy as np
 
-from contracts.base import Wire
+from contracts.base import Name, Wire
 from evaluation.metrics.breakdown import GROUPINGS, breakdown
 from evaluation.metrics.collisions import collisions
 from evaluation.metrics.coverage import Absence, absence
 from evaluation.metrics.episode import EpisodeRecord, Reason
+from evaluation.metrics.extension import Figure, extension_figures
 from evaluation.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
 from evaluation.metrics.ideal_lap import ideal_lap_spl
 from evaluation.metrics.model_calls import RoleCalls, model_calls
@@ -73,11 +74,21 @@ class Absent(Wire):
     inspected_share: float | None
 
 
+class ExtensionFigure(Wire):
+    """A figure of another package's metric. `rate` where it is a share of something; `value` is the share's rate or the
+    number itself. Both are null where the run tells nothing, or where the metric failed: then `problem` says how."""
+
+    title: str
+    value: float | None
+    rate: Rate | None = None
+    problem: str | None = None
+
+
 class Summary(Wire):
     """A run's figures. Every rate is over the `tasks` flown, broken episodes included; `planned` is how many the run
     is to have. `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and
     waiting for models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of somebody
-    who knows the map and guesses the side, on the same tasks."""
+    who knows the map and guesses the side, on the same tasks. `extensions`: figures of other packages' metrics."""
 
     tasks: int
     planned: int
@@ -98,6 +109,7 @@ class Summary(Wire):
     groups: Groups
     errors: dict[str, int]
     absent: Absent | None = None
+    extensions: dict[Name, ExtensionFigure] = {}
 
 
 class Change(Wire):
@@ -160,6 +172,7 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
         groups=_groups(tasks, ordered),
         errors=dict(sorted(Counter(record.error.splitlines()[0] for record in ordered if record.error).items())),
         absent=_absent(absence(tasks, ordered)),
+        extensions=_extensions(tasks, ordered),
     )
 
 
@@ -184,6 +197,18 @@ def compare(tasks: Mapping[str, Task], first: Sequence[EpisodeRecord], second: S
         success=_change(won[0], won[1], rng),
         spl=_change(efficient[0], efficient[1], rng),
     )
+
+
+def _extensions(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> dict[str, ExtensionFigure]:
+    found = extension_figures(tasks, records, tuple(Summary.model_fields))
+    return {name: _extension(figure) for name, figure in found.items()}
+
+
+def _extension(figure: Figure) -> ExtensionFigure:
+    if isinstance(figure.value, Proportion):
+        rate = _rate(figure.value)
+        return ExtensionFigure(title=figure.title, value=rate.rate, rate=rate)
+    return ExtensionFigure(title=figure.title, value=figure.value, problem=figure.problem)
 
 
 def horizontal(task: Task, record: EpisodeRecord) -> Flown:

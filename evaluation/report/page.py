@@ -6,7 +6,7 @@ from typing import get_args
 
 from contracts.scene import BuildingKind
 from evaluation.metrics.episode import Reason
-from evaluation.metrics.summary import Groups, Rate, Summary
+from evaluation.metrics.summary import ExtensionFigure, Groups, Rate, Summary
 from evaluation.report import charts
 from evaluation.report.failures import REASONS, failures_of, gallery
 from evaluation.report.markup import Html, interval, join, number, percent, tag
@@ -95,6 +95,7 @@ def _run_card(k: int, run: Run) -> Html:
         ("Floor failures", f"{percent(summary.floor_fail.rate)} % ({summary.floor_fail.k}/{summary.floor_fail.n})"),
         ("Recognition failures", _of(summary.recognition_fail)),
         ("Collisions", str(summary.collisions)),
+        *((figure.title, _figure(figure)) for figure in summary.extensions.values()),
         ("Time", f"{_duration(summary.wall_s)} with {counted(settings.workers, 'worker')}"),
         ("Rendering and models", _duration(busy) + (f"; wall time {summary.wall_s / busy:.2f} of it" if busy else "")),
     ]
@@ -119,8 +120,14 @@ def _run_card(k: int, run: Run) -> Html:
     )
 
 
-def _of(rate: Rate) -> str:
-    return "no claim" if rate.rate is None else f"{percent(rate.rate)} % ({rate.k}/{rate.n})"
+def _figure(figure: ExtensionFigure) -> str:
+    if figure.problem is not None:
+        return f"failed: {figure.problem}"
+    return _of(figure.rate, "n/a") if figure.rate is not None else number(figure.value, 3)
+
+
+def _of(rate: Rate, without: str = "no claim") -> str:
+    return without if rate.rate is None else f"{percent(rate.rate)} % ({rate.k}/{rate.n})"
 
 
 def _duration(seconds: float) -> str:

@@ -1,7 +1,6 @@
 """One task as one picture: the plan with start, target and shortest way; the window; the request."""
 
 import math
-import textwrap
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.task_set.proof import NotSolvable, prove
 from evaluation.task_set.shortest import ShortestWay, goal_slot
 from evaluation.task_set.task import Task
+from service_kit.lettering import BOLD, draw_text, text_width, wrapped
 
 Image = NDArray[np.uint8]
 _SIDE, _EDGE, _TEXT = 720, 24, 190
@@ -82,7 +82,7 @@ def plan_view(task: Task, way: ShortestWay, side: int = _SIDE) -> Image:
     bar = 10 if reach > 25 else 5
     at = (24, side - 24)
     cv2.line(image, at, (at[0] + round(bar * scale), at[1]), _INK, 3, cv2.LINE_AA)
-    _write(image, f"{bar} m", (at[0], at[1] - 10), 0.5, _INK)
+    draw_text(image, f"{bar} m", (at[0], at[1] - 10), 16, _INK)
     return image
 
 
@@ -104,28 +104,24 @@ def window_view(task: Task, simulator: SimClient, side: int = _SIDE) -> Image:
 
 
 def _captions(sheet: Image, task: Task) -> None:
-    y = _SIDE + 2 * _EDGE + 8
-    _write(sheet, f"{task.id}    {task.object}, floor {task.floor} of {task.floors}", (_EDGE, y), 0.8, _INK, 2)
+    y = _SIDE + 2 * _EDGE + 20
+    draw_text(
+        sheet, f"{task.id}    {task.object}, floor {task.floor} of {task.floors}", (_EDGE, y), 26, _INK, weight=BOLD
+    )
     facts = (
         f"{task.building}   {task.difficulty} ({task.corners} corners)   shortest way "
         f"{task.shortest_horizontal_m:.1f} m on the plan, {task.shortest_spatial_m:.1f} m in space   {task.category}   "
         f"{task.style}"
     )
-    _write(sheet, facts, (_EDGE, y + 32), 0.55, _SOFT)
-    for line, text in enumerate(textwrap.wrap(task.request, 150)[:5]):
-        _write(sheet, text, (_EDGE, y + 68 + 26 * line), 0.58, _INK)
+    draw_text(sheet, facts, (_EDGE, y + 32), 18, _SOFT)
+    for line, text in enumerate(wrapped(task.request, sheet.shape[1] - 2 * _EDGE, 19)[:5]):
+        draw_text(sheet, text, (_EDGE, y + 68 + 26 * line), 19, _INK)
 
 
 def _label(image: Image, text: str, at: tuple[int, int], side: int) -> None:
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.55, 1)
+    size = 18
+    width = text_width(text, size)
     x = min(max(8, at[0] + 14), side - width - 8)
-    y = min(max(height + 8, at[1] - 12), side - 8)
-    cv2.rectangle(image, (x - 4, y - height - 5), (x + width + 4, y + 5), _PAPER, -1)
-    _write(image, text, (x, y), 0.55, _INK)
-
-
-def _write(
-    image: Image, text: str, at: tuple[int, int], size: float, colour: tuple[int, int, int], weight: int = 1
-) -> None:
-    plain = text.encode("ascii", "replace").decode()
-    cv2.putText(image, plain, at, cv2.FONT_HERSHEY_SIMPLEX, size, colour, weight, cv2.LINE_AA)
+    y = min(max(size + 8, at[1] - 12), side - 8)
+    cv2.rectangle(image, (x - 4, y - size), (x + width + 4, y + 6), _PAPER, -1)
+    draw_text(image, text, (x, y), size, _INK)

@@ -8,7 +8,8 @@ from fastapi import FastAPI
 from contracts.scene import Scene
 from service_kit.settings import BadSetting, revealed
 from services.sim.app import build_app
-from services.sim.catalogue import CATALOGUE, build, poster_layers
+from services.sim.catalogue import build, poster_layers
+from services.sim.catalogue.extension import catalogue_with_extensions
 from services.sim.episodes import Episodes, Limits
 from services.sim.geometry.scene_mesh import SceneMesh, build_scene_mesh
 from services.sim.geometry.textures import TextureSet, base_textures
@@ -19,7 +20,9 @@ from services.sim.settings import SimSettings
 
 
 def bootstrap(settings: SimSettings) -> FastAPI:
-    """The app. Raises BadSetting where OpenGL is asked for and can't be had."""
+    """The app. Raises BadSetting where OpenGL is asked for and can't be had, or an extension of the catalogue is no
+    good."""
+    catalogue = catalogue_with_extensions(_textures)
     limits = Limits(
         max_episodes=settings.sim_max_episodes, idle_s=settings.sim_idle_s, kept_scenes=settings.sim_kept_scenes
     )
@@ -30,7 +33,7 @@ def bootstrap(settings: SimSettings) -> FastAPI:
     # drawn while the service starts and not when the first customer waits
     Thread(target=_textures, name="textures", daemon=True).start()
     episodes = Episodes(build_scene, renderer, limits, truth=settings.sim_truth)
-    return build_app(episodes, renderer, CATALOGUE, truth=settings.sim_truth, token=revealed(settings.sim_token))
+    return build_app(episodes, renderer, catalogue, truth=settings.sim_truth, token=revealed(settings.sim_token))
 
 
 def build_scene(scene: Scene) -> SceneMesh:

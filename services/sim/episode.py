@@ -183,7 +183,7 @@ class LiveEpisode:
             place = drone.true(claim.target) if claim.target else None
             target = (place.x, place.y, place.z) if place else None
             found = judge(scene, self.ready.things, self._world, drone.pose, drone.collided, target)
-            self._verdict = Verdict(**found._asdict(), collided=drone.collided, vehicle=self.state())
+            self._verdict = Verdict(**found._asdict(), collided=drone.collided)
         return self._verdict
 
     def _finish(self, flown: Flown, *, share: float, cancelled: bool) -> None:

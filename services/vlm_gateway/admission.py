@@ -1,34 +1,68 @@
-"""Bounded concurrency with a bounded queue in front of one model."""
+"""Bounded concurrency with a bounded, fair queue in front of one model.
+
+Callers wait in a line of their key's own, and the lines are served in turn (round robin): one key's flood costs another
+no more than one place. Where the queue is full, a key that waits for less than the longest line gets in, and the newest
+of that line is refused instead.
+"""
 
 import asyncio
-import contextlib
-from collections import deque
+from collections import OrderedDict, deque
 from types import TracebackType
-from typing import Self
+from typing import Protocol, Self
 
 from services.vlm_gateway.errors import ModelOverloaded
+from services.vlm_gateway.keys import asking
+
+
+class Places(Protocol):
+    """The places at one model."""
+
+    @property
+    def taken(self) -> int: ...
+    def take(self) -> bool:
+        """Whether there was one free; it is taken then."""
+        ...
+
+    def give_back(self) -> None: ...
+
+
+class OwnPlaces:
+    """Those of a model that only this process asks."""
+
+    def __init__(self, concurrency: int) -> None:
+        self._concurrency = concurrency
+        self.taken = 0
+
+    def take(self) -> bool:
+        if self.taken >= self._concurrency:
+            return False
+        self.taken += 1
+        return True
+
+    def give_back(self) -> None:
+        self.taken -= 1
 
 
 class Admission:
-    """`async with admission:` holds one of `concurrency` places; at most `queue` callers wait, first come first served.
+    """`async with admission:` holds one of `concurrency` places; at most `queue` callers wait.
 
     Raises ModelOverloaded at once where the queue is full.
     """
 
-    def __init__(self, model: str, concurrency: int, queue: int) -> None:
+    def __init__(self, model: str, concurrency: int, queue: int, places: Places | None = None) -> None:
         self._model = model
-        self._concurrency = concurrency
+        self._places = places or OwnPlaces(concurrency)
         self._queue = queue
-        self._running = 0
-        self._waiting: deque[asyncio.Future[None]] = deque()
+        self._waiting = 0
+        self._lines: OrderedDict[str, deque[asyncio.Future[None]]] = OrderedDict()
 
     @property
     def running(self) -> int:
-        return self._running
+        return self._places.taken
 
     @property
     def waiting(self) -> int:
-        return len(self._waiting)
+        return self._waiting
 
     async def __aenter__(self) -> Self:
         await self.enter()
@@ -37,32 +71,46 @@ class Admission:
     async def enter(self, deadline: float | None = None) -> None:
         """Take a place; `leave` gives it back. Raises TimeoutError where none was free until `deadline` (of the event
         loop's clock)."""
-        if self._running < self._concurrency and not self._waiting:
-            self._running += 1
-        elif deadline is None:
+        if not self._waiting and self._places.take():
+            return
+        if deadline is None:
             await self._queue_up()
         else:
             async with asyncio.timeout_at(deadline):
                 await self._queue_up()
 
     async def _queue_up(self) -> None:
-        if len(self._waiting) >= self._queue:
-            raise ModelOverloaded(
-                f"model {self._model!r} answers {self._running} questions and {len(self._waiting)} more wait; "
-                "ask again later, or raise its concurrency or queue",
-                details={"model": self._model, "running": self._running, "waiting": len(self._waiting)},
-            )
+        caller = asking.get().name
+        if self._waiting >= self._queue:
+            self._make_room(caller)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._waiting.append(turn)
+        self._lines.setdefault(caller, deque()).append(turn)
+        self._waiting += 1
         try:
             await turn
         except asyncio.CancelledError:
-            if turn.done() and not turn.cancelled():
+            if turn.done() and not turn.cancelled() and turn.exception() is None:
                 self.leave()  # the place was already handed over: pass it on
             else:
-                with contextlib.suppress(ValueError):  # whoever left meanwhile has already passed it over
-                    self._waiting.remove(turn)
+                self._remove(caller, turn)
             raise
+
+    def _make_room(self, caller: str) -> None:
+        """Refuse somebody: the newcomer, or the newest of a longer line than its own. Raises ModelOverloaded."""
+        longest = max(self._lines, key=lambda name: len(self._lines[name]), default=caller)
+        if len(self._lines.get(longest, ())) <= len(self._lines.get(caller, ())) + 1:
+            raise self._overloaded()
+        loser = self._lines[longest][-1]
+        self._remove(longest, loser)
+        if not loser.done():
+            loser.set_exception(self._overloaded())
+
+    def _overloaded(self) -> ModelOverloaded:
+        return ModelOverloaded(
+            f"model {self._model!r} answers {self.running} questions and {self._waiting} more wait; "
+            "ask again later, or raise its concurrency or queue",
+            details={"model": self._model, "running": self.running, "waiting": self._waiting},
+        )
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -70,10 +118,36 @@ class Admission:
         self.leave()
 
     def leave(self) -> None:
-        """Hand the place to whoever waits longest."""
-        while self._waiting:
-            turn = self._waiting.popleft()
-            if not turn.done():
-                turn.set_result(None)  # the place changes hands without ever being free
+        """Give the place back, and hand it to whose turn it is."""
+        self._places.give_back()
+        self.serve()
+
+    def serve(self) -> None:
+        """Hand out places that have become free."""
+        while self._waiting and self._places.take():
+            turn = self._next()
+            if turn is None:
+                self._places.give_back()
                 return
-        self._running -= 1
+            turn.set_result(None)
+
+    def _next(self) -> asyncio.Future[None] | None:
+        """The first of the next line; that line then goes behind the others."""
+        while self._lines:
+            caller, line = next(iter(self._lines.items()))
+            turn = line[0]
+            self._remove(caller, turn)
+            if caller in self._lines:
+                self._lines.move_to_end(caller)
+            if not turn.done():
+                return turn
+        return None
+
+    def _remove(self, caller: str, turn: asyncio.Future[None]) -> None:
+        line = self._lines.get(caller)
+        if line is None or turn not in line:
+            return  # whoever left meanwhile has been passed over
+        line.remove(turn)
+        self._waiting -= 1
+        if not line:
+            del self._lines[caller]

@@ -25,7 +25,9 @@ class CacheSettings(Settings):
     cache_ttl_s: float = Field(
         30 * 86_400.0, ge=0.0, le=10 * 365 * 86_400.0, description="Seconds an answer is kept; 0: for ever."
     )
-    cache_timeout_s: float = Field(0.04, ge=0.001, le=10.0, description="Seconds that Redis may take.")
+    cache_timeout_s: float = Field(
+        0.04, ge=0.001, le=10.0, description="Seconds that a reply of Redis may take, and connecting to it."
+    )
     cache_max_mb: int = Field(256, ge=1, le=1024 * 1024, description="The SQLite file's largest size in MiB.")
 
 
@@ -45,7 +47,11 @@ class GatewaySettings(CacheSettings, ServiceSettings):
     gateway_token: Token | None = Field(
         None, description="The operator's token, which may do everything; without it and without keys all may call."
     )
-    request_log_share: Rate = Field(0.01, description="The share of chats that get a line in the log.")
+    request_log_share: Rate = Field(
+        0.01,
+        description="The share of chats that get a line in the log; those answered with 500 or more always get one (20 "
+        "each half second at most), unless this is 0.",
+    )
     oracle_sim_url: HttpAddress | None = Field(
         None, description="The simulator that the back end `oracle` asks; unset: there is no such back end."
     )

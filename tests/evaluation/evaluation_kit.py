@@ -8,7 +8,6 @@ from contracts.orchestrator import DeliveryResult, MissionSettings, ModelCalls, 
 from contracts.scene import Building, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import window_slot
 from contracts.sim import Verdict
-from contracts.vehicle import VehicleState
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.run_settings import RunSettings
 from evaluation.metrics.episode import EpisodeRecord
@@ -74,19 +73,6 @@ def a_task(name: str = "t-1", *, floor: int = FLOOR, facade: int = 0, **more: ob
     return Task.model_validate(fields | more)
 
 
-def a_vehicle(pose: Pose, collided: bool = False) -> VehicleState:
-    return VehicleState(
-        id="e1",
-        mode="holding",
-        pose=pose,
-        moves=3,
-        path_m=24.0,
-        path_horizontal_m=20.0,
-        flight_s=10.0,
-        collided=collided,
-    )
-
-
 def a_verdict(
     *,
     right: bool = True,
@@ -95,7 +81,6 @@ def a_verdict(
     sight: bool = True,
     collided: bool = False,
 ) -> Verdict:
-    pose = Pose(x=10.0, y=-2.0, z=7.5, yaw=1.57)
     return Verdict(
         judged=True,
         delivered=right and distance_m <= 3 and in_front and sight and not collided,
@@ -104,7 +89,6 @@ def a_verdict(
         in_front=in_front,
         line_of_sight=sight,
         collided=collided,
-        vehicle=a_vehicle(pose, collided),
     )
 
 

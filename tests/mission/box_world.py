@@ -213,7 +213,6 @@ class BlockWorld:
             in_front=front,
             line_of_sight=True,
             collided=now.collided,
-            vehicle=now,
         )
 
     async def end(self, episode: str) -> None:

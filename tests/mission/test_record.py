@@ -1,5 +1,6 @@
 """The record: append-only, readable after a crash, never half a result."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -81,3 +82,14 @@ async def test_everything_about_a_delivery_can_be_read_from_its_folder_alone(tmp
     assert named == {p.name for p in (folder / "pictures").iterdir()}
     (folder / "summary.png").unlink()
     assert draw_summary(folder).stat().st_size > 10_000
+
+
+def test_a_result_of_the_first_version_still_reads(tmp_path: Path) -> None:
+    record_in(tmp_path / "d").close()
+    lines = (Path(__file__).parents[1] / "data" / "records" / "events-0.1.jsonl").read_text(encoding="utf-8")
+    told = next(event for event in map(json.loads, lines.splitlines()) if event["kind"] == "result")
+    (tmp_path / "d" / "result.json").write_text(json.dumps(told["data"]))
+    delivery = read_delivery(tmp_path / "d")
+    assert delivery is not None
+    assert delivery.result is not None
+    assert (delivery.result.outcome, delivery.result.steps) == (told["data"]["outcome"], told["data"]["steps"])

@@ -1,9 +1,9 @@
 """The object catalogue: what can stand, hang or stick at a window, and how each thing is built.
 
-`CATALOGUE` says what there is; `build(kind, colour, textures)` makes one object in metres, front +x, up +z. Its
-origin follows from its places (see `registry`): the middle of the underside for what stands, of the back plane for
-what sits on a wall or a pane, the top hook for what hangs. `poster_layers()` are the pictures that the renderer's
-texture set needs.
+`CATALOGUE` says what there is (`extension` adds what other packages bring); `build(kind, colour, textures)` makes one
+object in metres, front +x, up +z. Its origin follows from its places (see `registry`): the middle of the underside for
+what stands, of the back plane for what sits on a wall or a pane, the top hook for what hangs. `poster_layers()` are the
+pictures that the renderer's texture set needs.
 """
 
 from contracts.sim import Catalogue, CatalogueEntry

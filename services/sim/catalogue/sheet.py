@@ -12,6 +12,7 @@ from contracts.cameras import pinhole_camera
 from contracts.geometry import Pose
 from contracts.scene import Light
 from contracts.sim import CatalogueEntry
+from service_kit.lettering import draw_text, text_width
 from services.sim.catalogue import COLOURS, build, entries, poster_layers
 from services.sim.geometry.mesh import Mesh, rgb
 from services.sim.geometry.scene_mesh import Chunk, Part, SceneMesh
@@ -23,7 +24,6 @@ TILE_W, PICTURE_H, TEXT_H = 216, 200, 50
 HEAD_H = 40
 PAPER = (233, 231, 226)
 _TEXT = (40, 40, 44)
-_FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Portrait(NamedTuple):
@@ -105,7 +105,7 @@ def _tile(renderer: Renderer, textures: TextureSet, entry: CatalogueEntry, numbe
     tile = _blank(PICTURE_H + TEXT_H, TILE_W)
     y, x = PICTURE_H - 6 - small.shape[0], (TILE_W - small.shape[1]) // 2
     tile[y : y + small.shape[0], x : x + small.shape[1]] = small
-    _centred(tile, entry.phrase, PICTURE_H + 16, 0.52)
+    _centred(tile, entry.phrase, PICTURE_H + 16, 16)
     first = (TILE_W - 18 * len(entry.colours)) // 2
     for i, colour in enumerate(entry.colours):
         corner = (first + 18 * i + 1, PICTURE_H + 25)
@@ -116,7 +116,7 @@ def _tile(renderer: Renderer, textures: TextureSet, entry: CatalogueEntry, numbe
 
 def _heading(text: str) -> NDArray[np.uint8]:
     band = np.full((HEAD_H, TILE_W * COLUMNS, 3), (74, 82, 96), np.uint8)
-    cv2.putText(band, text, (14, 27), _FONT, 0.7, (250, 250, 250), 1, cv2.LINE_AA)
+    draw_text(band, text, (14, 27), 21, (250, 250, 250))
     return band
 
 
@@ -124,6 +124,6 @@ def _blank(height: int, width: int) -> NDArray[np.uint8]:
     return np.full((height, width, 3), PAPER, np.uint8)
 
 
-def _centred(picture: NDArray[np.uint8], text: str, baseline: int, scale: float) -> None:
-    (width, _), _ = cv2.getTextSize(text, _FONT, scale, 1)
-    cv2.putText(picture, text, ((picture.shape[1] - width) // 2, baseline), _FONT, scale, _TEXT, 1, cv2.LINE_AA)
+def _centred(picture: NDArray[np.uint8], text: str, baseline: int, size_px: int) -> None:
+    left = (picture.shape[1] - text_width(text, size_px)) // 2
+    draw_text(picture, text, (left, baseline), size_px, _TEXT)

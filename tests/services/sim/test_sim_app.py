@@ -8,7 +8,7 @@ import pytest
 from contracts.images import decode_depth, decode_jpeg
 from contracts.scene import Scene
 from contracts.sim import Catalogue, Episode, Truth, Verdict
-from contracts.vehicle import MoveResult, VehicleState
+from contracts.vehicle import MoveResult
 from tests.services.sim.running_sim import BEFORE_THE_POT, CATALOGUE, Simulator, error
 
 
@@ -27,7 +27,6 @@ def test_a_delivery_from_start_to_verdict(sim: Simulator, yard: Scene) -> None:
     assert verdict.delivered
     assert verdict.right_window
     assert verdict.distance_m == pytest.approx(2.0)
-    assert verdict.vehicle == VehicleState.model_validate_json(sim.http.get(f"/v1/episodes/{episode.id}").content)
     assert sim.http.get(f"/v1/episodes/{episode.id}/trial").json()["status"] == "claimed"
     assert sim.http.delete(f"/v1/episodes/{episode.id}").status_code == 204
     assert sim.http.get(f"/v1/episodes/{episode.id}").status_code == 404

@@ -13,6 +13,7 @@ from services.vlm_gateway.cache.port import CacheDown, CacheFull, Entry
 from services.vlm_gateway.chat.extract import json_values, without_reasoning
 from services.vlm_gateway.errors import ModelOverloaded
 from services.vlm_gateway.flights import Flights
+from services.vlm_gateway.keys import Key, asking
 from services.vlm_gateway.upstream.replies import retry_after_s
 
 
@@ -70,6 +71,48 @@ async def test_admission_serves_in_order_and_no_more_than_it_may() -> None:
     await asyncio.gather(*(one(at) for at in range(12)))
     assert order == list(range(12))
     assert (most, admission.running, admission.waiting) == (2, 0, 0)
+
+
+async def queued(admission: Admission, key: str, served: list[str], refused: list[str]) -> None:
+    asking.set(Key(key, None))
+    try:
+        async with admission:
+            served.append(key)
+            await asyncio.sleep(0)
+    except ModelOverloaded:
+        refused.append(key)
+
+
+async def test_keys_are_served_in_turn_however_much_one_of_them_asks() -> None:
+    admission = Admission("m", concurrency=1, queue=100)
+    served: list[str] = []
+    await admission.enter()
+    flood = [asyncio.create_task(queued(admission, "A", served, [])) for _ in range(50)]
+    await asyncio.sleep(0)
+    others = [asyncio.create_task(queued(admission, key, served, [])) for key in ("B", "C", "B")]
+    await asyncio.sleep(0)
+    admission.leave()
+    await asyncio.gather(*flood, *others)
+    assert served[:6] == ["A", "B", "C", "A", "B", "A"]
+    assert (len(served), admission.running, admission.waiting) == (53, 0, 0)
+
+
+async def test_a_flood_that_fills_the_queue_gives_way_to_another_key() -> None:
+    admission = Admission("m", concurrency=1, queue=4)
+    served: list[str] = []
+    refused: list[str] = []
+    await admission.enter()
+    asks = [asyncio.create_task(queued(admission, key, served, refused)) for key in "AAAAABB"]
+    await asyncio.sleep(0.01)
+    assert refused == ["A", "A", "A"]  # one too many of its own, and two for B
+    assert admission.waiting == 4
+    asks.append(asyncio.create_task(queued(admission, "B", served, refused)))
+    await asyncio.sleep(0.01)
+    assert refused[3:] == ["B"]  # nobody waits for more than B does
+    admission.leave()
+    await asyncio.gather(*asks)
+    assert sorted(served) == ["A", "A", "B", "B"]
+    assert (admission.running, admission.waiting) == (0, 0)
 
 
 async def test_admission_refuses_over_its_queue_and_keeps_its_places_when_callers_give_up() -> None:

@@ -1,0 +1,27 @@
+"""The one picture of a delivery, drawn from its record."""
+
+from pathlib import Path
+
+import cv2
+
+from contracts.orchestrator import DeliveryQuestion
+from orchestrator.delivery import Order, Run
+from orchestrator.summary import HEAD
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
+
+
+async def head_of(request: str, runs: Path) -> bytes:
+    """The pixels of the picture's head, where the request stands."""
+    world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
+    run = Run(Order(DeliveryQuestion(request=request, scene=block_scene(world.block))), runs)
+    await run.fly(block_ports(world))
+    picture = cv2.imread(str(run.record.folder / "summary.png"))
+    assert picture is not None
+    return picture[:HEAD].tobytes()
+
+
+async def test_the_request_is_shown_in_the_customer_s_own_letters(tmp_path: Path) -> None:
+    own = await head_of("Grüße, 4. Stock", tmp_path)
+    assert own == await head_of("Grüße, 4. Stock", tmp_path)
+    assert own != await head_of("Gr??e, 4. Stock", tmp_path)
+    assert await head_of("Łódź 四楼", tmp_path) != await head_of("??d? ??", tmp_path)
