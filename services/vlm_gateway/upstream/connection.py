@@ -2,7 +2,8 @@
 
 BrokenReply               nothing usable came; `reason` says what went wrong
   connect      no connection (refused, unknown name, TLS)
-  no_reply     the connection ended before the first byte of a reply
+  not_sent     the connection ended before all of the request was on its way
+  no_reply     ... after that, before the first byte of a reply: the server may have read it
   cut          ... in the middle of one
   garbage      what came is not HTTP/1.1, or in an encoding that was not asked for
   too_large    the head or the body is over its bound
@@ -13,6 +14,7 @@ nothing waits or grows without a bound.
 """
 
 import asyncio
+import select
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, cast
 
@@ -99,6 +101,8 @@ class Connection(asyncio.Protocol):
         self._broken: BrokenReply | None = None
         self._busy = False
         self._paused = False
+        self._unsent = False
+        self._poll = select.poll()
         self.idle_since = 0.0
         self._begin()
 
@@ -121,6 +125,7 @@ class Connection(asyncio.Protocol):
         self._begin()
         self._busy = True
         self._max_bytes = max_bytes
+        self._unsent = False
         self._transport.writelines(request)
         reply = await self._wait(deadline)
         return Stream(self, self.status, self.headers) if reply is None else reply
@@ -152,6 +157,11 @@ class Connection(asyncio.Protocol):
 
     def is_closing(self) -> bool:
         return self._transport is None or self._transport.is_closing()
+
+    def is_fresh(self) -> bool:
+        """Whether a connection between two exchanges can still be used. What the server did to it since the loop last
+        looked at its socket counts too: it mustn't be found out by a request that can't be sent again."""
+        return not self.is_closing() and not self._poll.poll(0)
 
     def leave(self) -> None:
         """Close at once, whatever is under way."""
@@ -214,6 +224,8 @@ class Connection(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
+        self._transport.set_write_buffer_limits(high=0)  # so that `resume_writing` says when all is on its way
+        self._poll.register(transport.get_extra_info("socket").fileno(), select.POLLIN)
         self._home.opened(self)
 
     def data_received(self, data: bytes) -> None:
@@ -237,6 +249,12 @@ class Connection(asyncio.Protocol):
             elif not self._head_seen and self._head_bytes > MAX_HEAD_BYTES:
                 self._fail(BrokenReply("too_large", f"the reply's head is over {MAX_HEAD_BYTES} bytes"))
 
+    def pause_writing(self) -> None:
+        self._unsent = True
+
+    def resume_writing(self) -> None:
+        self._unsent = False
+
     def eof_received(self) -> bool:
         return False  # and with that the transport closes and connection_lost tells
 
@@ -248,6 +266,8 @@ class Connection(asyncio.Protocol):
         if self._until_end and self._head_seen and error is None:
             self._finish()
             self._busy = False
+        elif self._head_bytes == 0 and self._unsent:
+            self._fail(BrokenReply("not_sent", "the connection ended before the request was through"))
         elif self._head_bytes == 0:
             self._fail(BrokenReply("no_reply", "the connection ended before a reply"))
         else:
