@@ -14,8 +14,8 @@ from services.vlm_gateway.hot.scan import Scanned, rewritten
 from services.vlm_gateway.keys import Forbidden, Key
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.upstream.client import Upstream
-from services.vlm_gateway.upstream.connection import Buffer
 from services.vlm_gateway.upstream.events import ChatReader, outcome_of
+from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.upstream.replies import Said, Spent
 from services.vlm_gateway.upstream.stream import ChatStream
 

@@ -18,7 +18,7 @@ from pydantic_core import to_json
 
 from services.vlm_gateway.hot.request import DROPPED, PASSED, Chat, check_chat, invalid
 from services.vlm_gateway.upstream.client import Wanted
-from services.vlm_gateway.upstream.connection import Buffer
+from services.vlm_gateway.upstream.http_reply import Buffer
 
 _MIN_CUT = 256
 _MAX_HOLES = 1000

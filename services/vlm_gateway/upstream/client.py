@@ -3,7 +3,6 @@ that such servers and the proxies in front of them really send. Typed questions 
 
 import asyncio
 import logging
-import random
 import re
 import ssl
 from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -13,25 +12,21 @@ from urllib.parse import urlsplit
 from pydantic_core import to_json
 
 from contracts.vlm_gateway import Tokens
-from service_kit.errors import ServiceError
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelError, ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.keys import asking
 from services.vlm_gateway.upstream import health
-from services.vlm_gateway.upstream.connection import BrokenReply, Buffer, Stream
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Stream
 from services.vlm_gateway.upstream.pool import Pool, Server
 from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said, said_in
+from services.vlm_gateway.upstream.retries import RetryBudget, loading_pause_s, retry_pause_s
 from services.vlm_gateway.upstream.stream import ChatStream, late
 
 T = TypeVar("T")
 log = logging.getLogger(__name__)
 _COUNTING = re.compile(r"stream_options|include_usage")
 MAX_REPLY_BYTES = 8 * 1024 * 1024
-LONGEST_PAUSE_S = 2.0
-"""A retry is not put off longer than this; a server that asks for more gets its caller told instead."""
-RETRY_SHARE = 0.2
-RETRY_RESERVE = 10.0
 
 
 class Call(NamedTuple):
@@ -57,19 +52,6 @@ class Answer(NamedTuple):
 
     body: bytes
     said: Said
-
-
-class RetryBudget:
-    """At most one retry in five requests, and ten at once: a server that is down is not asked twice as often."""
-
-    def __init__(self) -> None:
-        self.left = RETRY_RESERVE
-
-    def asked(self) -> None:
-        self.left = min(RETRY_RESERVE, self.left + RETRY_SHARE)
-
-    def took(self) -> None:
-        self.left = max(0.0, self.left - 1.0)
 
 
 class Completion(NamedTuple):
@@ -209,10 +191,10 @@ class Upstream:
                 return await once(request, deadline)
             except (ModelUnreachable, ModelOverloaded) as error:
                 if patient and error.details.get("reason") == "loading":
-                    pause_s: float | None = _loading_pause_s(error, attempt)
+                    pause_s: float | None = loading_pause_s(error, attempt)
                 elif again < self.model.config.retries and self.budget.left >= 1.0:
                     again += 1
-                    pause_s = self._pause_s(error, again)
+                    pause_s = retry_pause_s(error, again, self._again)
                 else:
                     pause_s = None
                 if pause_s is None or asyncio.get_running_loop().time() + pause_s >= deadline:
@@ -220,16 +202,6 @@ class Upstream:
                 self.budget.took()
                 self._retried(error.code)
             await asyncio.sleep(pause_s)
-
-    def _pause_s(self, error: ServiceError, again: int) -> float | None:
-        """How long to wait before asking again; None where that is no use."""
-        backoff_s = random.uniform(0.05, 0.2) * 2.0 ** (again - 1)
-        if isinstance(error, ModelOverloaded):
-            wait_s = float(error.details.get("retry_after_s", 0.0))
-            return wait_s + backoff_s if wait_s <= LONGEST_PAUSE_S else None
-        if error.details.get("reason") in self._again or error.details.get("upstream_status") == 502:
-            return backoff_s
-        return None
 
     async def _whole(self, request: list[Buffer], deadline: float, api: Api = "openai") -> Answer:
         with self._call() as call:
@@ -313,9 +285,3 @@ def _learn(error: ModelError, call: health.Call) -> None:
         call.failed("request")
     else:
         call.succeeded()
-
-
-def _loading_pause_s(error: ServiceError, attempt: int) -> float:
-    """How long to wait for a server that is loading its model."""
-    wait_s = min(LONGEST_PAUSE_S, 0.2 * 2.0 ** min(attempt, 8))
-    return max(wait_s, float(error.details.get("retry_after_s", 0.0))) + random.uniform(0.05, 0.2)

@@ -1,14 +1,5 @@
 """One HTTP/1.1 connection and the exchange on it: what comes is a whole reply, or a stream of pieces, or is broken.
 
-BrokenReply               nothing usable came; `reason` says what went wrong
-  connect      no connection (refused, unknown name, TLS)
-  not_sent     the connection ended before all of the request was on its way
-  no_reply     ... after that, before the first byte of a reply: the server may have read it
-  cut          ... in the middle of one
-  garbage      what came is not HTTP/1.1, or in an encoding that was not asked for
-  too_large    the head or the body is over its bound
-  late         the deadline passed
-
 Parsing is llhttp's (through httptools). What is ours is what the end of a connection means for a reply, and that
 nothing waits or grows without a bound.
 """
@@ -16,29 +7,15 @@ nothing waits or grows without a bound.
 import asyncio
 import select
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, cast
+from typing import Protocol, cast
 
 import httptools
+
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
 
 MAX_HEAD_BYTES = 64 * 1024
 HIGH_WATER_BYTES = 256 * 1024
 """A stream whose reader is slower than the server is not read beyond this."""
-
-Buffer = bytes | memoryview
-
-
-class BrokenReply(Exception):
-    def __init__(self, reason: str, what: str) -> None:
-        super().__init__(what)
-        self.reason = reason
-
-
-class Reply(NamedTuple):
-    """Header names are in lower case; of repeated headers the last one counts."""
-
-    status: int
-    headers: dict[bytes, bytes]
-    body: bytes
 
 
 class Home(Protocol):
@@ -47,43 +24,6 @@ class Home(Protocol):
     def opened(self, connection: "Connection") -> None: ...
     def left(self, connection: "Connection") -> None: ...
     def back(self, connection: "Connection") -> None: ...
-
-
-class Stream:
-    """A reply whose head has come. Read `piece()` until it is empty, or `close()` to break it off."""
-
-    def __init__(self, connection: "Connection", status: int, headers: dict[bytes, bytes]) -> None:
-        self._connection = connection
-        self._over = False
-        self.status = status
-        self.headers = headers
-
-    async def piece(self, deadline: float) -> bytes:
-        """What has come since, at least one byte; empty at the reply's end. Raises BrokenReply."""
-        if self._over:
-            return b""
-        piece = await self._connection.piece(deadline)
-        if not piece:
-            self._over = True
-            self._connection.release()
-        return piece
-
-    async def rest(self, deadline: float, max_bytes: int) -> bytes:
-        """All that is left. Raises BrokenReply."""
-        pieces, size = [], 0
-        while piece := await self.piece(deadline):
-            pieces.append(piece)
-            size += len(piece)
-            if size > max_bytes:
-                self.close()
-                raise BrokenReply("too_large", f"the reply is over {max_bytes} bytes")
-        return b"".join(pieces)
-
-    def close(self) -> None:
-        """Let go of the connection; it is kept for others where the reply had ended."""
-        if not self._over:
-            self._over = True
-            self._connection.release()
 
 
 class Connection(asyncio.Protocol):

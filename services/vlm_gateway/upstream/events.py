@@ -12,7 +12,8 @@ from typing import Any, Literal
 from jiter import from_json
 from pydantic_core import to_json
 
-from services.vlm_gateway.upstream.replies import Spent, error_inside, tokens_of
+from services.vlm_gateway.upstream.error_forms import error_inside
+from services.vlm_gateway.upstream.replies import Spent, tokens_of
 
 MAX_EVENT_BYTES = 8 * 1024 * 1024
 CHARACTERS_A_TOKEN = 4

@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from services.vlm_gateway.upstream.connection import BrokenReply, Buffer, Connection, Reply, Stream
+from services.vlm_gateway.upstream.connection import Connection
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
 
 IDLE_S = 4.0
 """Connections unused for longer are not used again: common servers close theirs after 5 s."""

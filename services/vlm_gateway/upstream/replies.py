@@ -1,9 +1,7 @@
 """What a model server sent, read: a completion, or the typed error it stands for. Nothing here touches the network.
 
-Servers differ most where things go wrong. What is read as an error: a status over 399; `{"error": ...}` inside a 200,
-as an object (OpenAI, OpenRouter, llama.cpp) or a bare string (LM Studio, Ollama); `{"object": "error"}` (vLLM until
-2025) or `{"type": "error"}`; an error inside a choice (OpenRouter, where the model failed half way); `{"detail": ...}`
-(servers on FastAPI).
+Servers differ most where things go wrong. What is read as an error: a status over 399, also with `{"detail": ...}`
+(servers on FastAPI), and what `error_forms.py` finds inside a 200.
 """
 
 import email.utils
@@ -26,26 +24,18 @@ from services.vlm_gateway.errors import (
     ModelTimeout,
     ModelUnreachable,
 )
+from services.vlm_gateway.upstream.error_forms import CONTEXT, DECLINED, error_inside, status_inside
 
 Api = Literal["openai", "ollama"]
 
 _LOADING = {503: re.compile(r"\b(?:loading|starting|warming)\b", re.IGNORECASE)}
 _LOADING[500] = re.compile(r"\bloading (?:the )?model\b", re.IGNORECASE)
-_DECLINED = re.compile(
-    r"content[_ ]?(?:filter|policy)|data_?inspection|moderation|flagged|safety (?:system|settings|filter)",
-    re.IGNORECASE,
-)
 _STRUCTURE = re.compile(
     r"response_format|json_schema|json_object|structured_output|structured output|guided_|grammar|invalid format|"
     r"\bschema\b|no endpoints found that (?:can handle|support)",
     re.IGNORECASE,
 )
 _TRACE = re.compile(r"\s*(?:File \"|Traceback \().*", re.DOTALL)  # some servers tell where on their disk it went wrong
-_CONTEXT = re.compile(
-    r"context[ _](?:length|window|size)|maximum context|exceeds? the (?:available )?context|prompt is too long|"
-    r"too many (?:input )?tokens|max_model_len|n_ctx",
-    re.IGNORECASE,
-)
 _CODE = re.compile(r"[A-Za-z][\w.\-]{0,63}")
 _MISCONFIGURED = {
     401: ("server_key", "check its api_key"),
@@ -56,19 +46,6 @@ _MISCONFIGURED = {
     407: ("server_address", "a proxy in between wants to be told who asks"),
 }
 """What the gateway's operator has got wrong, by the server's status."""
-_MEANT = [
-    (re.compile(words, re.IGNORECASE), status)
-    for words, status in (
-        ("rate.?limit|ratequota|throttl|too.?many|insufficient.?quota", 429),
-        ("overload|unavailable|capacity", 503),
-        ("timeout|timed.?out", 504),
-        ("not.?found", 404),
-        ("auth|api.?key|permission", 401),
-        ("credit|billing|payment", 402),
-        (f"invalid|bad.?request|context|{_DECLINED.pattern}", 400),
-    )
-]
-"""What the type or code of an error inside a 200 stands for."""
 MAX_WORDS = 500
 _NO_SECRET = b"\x00 no key has this in it"
 
@@ -166,7 +143,7 @@ class ReplyReader:
 
     def _rejected(self, status: int, words: "_Words", details: dict[str, Any]) -> ModelRejected:
         """A request that is refused: the caller's fault with the server's own status, or the operator's."""
-        declined = _DECLINED.search(words.kind) or (status in (400, 403) and _DECLINED.search(words.said))
+        declined = DECLINED.search(words.kind) or (status in (400, 403) and DECLINED.search(words.said))
         if declined:
             details["reason"] = "declined"
         elif status in (400, 404, 422, 501) and _STRUCTURE.search(words.said):
@@ -180,7 +157,7 @@ class ReplyReader:
             return ModelNotFound(told, code=words.code, details=details)
         if declined:
             return ModelRejected(told, code=words.code or "content_filter", details=details)
-        code = CONTEXT_LENGTH if _CONTEXT.search(words.said) else words.code
+        code = CONTEXT_LENGTH if CONTEXT.search(words.said) else words.code
         # a server that does not implement what was asked for is told in the caller's terms: the request can't be met
         return ModelRejected(told, code=code, status=400 if status == 501 else status, details=details)
 
@@ -289,34 +266,3 @@ def _text(value: object) -> str | None:
 def _tokens(*counts: object) -> Spent:
     prompt, completion = (n if isinstance(n, int) and not isinstance(n, bool) and n >= 0 else 0 for n in counts)
     return Spent(prompt, completion)
-
-
-def error_inside(reply: dict[str, Any]) -> object:
-    """The error that a reply holds, or None."""
-    if reply.get("error"):
-        return reply["error"]
-    if reply.get("object") == "error" or reply.get("type") == "error":
-        return reply
-    choices = reply.get("choices")
-    if isinstance(choices, list):
-        first = choices[0] if choices and isinstance(choices[0], dict) else {}
-        return first.get("error") or None
-    coded = isinstance(reply.get("code"), (str, int)) and isinstance(reply.get("message"), str)
-    return reply if coded else None  # DashScope's own form, with neither choices nor `error`
-
-
-def status_inside(error: object) -> int:
-    """The status that an error inside a 200 stands for."""
-    if isinstance(error, dict):
-        for name in ("code", "status", "status_code"):
-            value = error.get(name)
-            if isinstance(value, int) and 400 <= value <= 599:
-                return value
-            if isinstance(value, str) and value.isdigit() and 400 <= int(value) <= 599:
-                return int(value)
-        words = f"{error.get('type')} {error.get('code')}"
-        for meant, status in _MEANT:
-            if meant.search(words):
-                return status
-        error = error.get("message")
-    return 400 if isinstance(error, str) and _CONTEXT.search(error) else 500

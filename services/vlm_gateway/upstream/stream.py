@@ -10,8 +10,8 @@ import asyncio
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.errors import ModelError, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.upstream import health
-from services.vlm_gateway.upstream.connection import BrokenReply, Stream
 from services.vlm_gateway.upstream.events import MAX_EVENT_BYTES, ChatReader, EventSplitter, EventTooLarge
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Stream
 from services.vlm_gateway.upstream.replies import ReplyReader, said_in
 
 LINGER_S = 1.0

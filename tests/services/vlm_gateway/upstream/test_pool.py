@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import pytest
 
-from services.vlm_gateway.upstream.connection import MAX_HEAD_BYTES, BrokenReply, Reply
+from services.vlm_gateway.upstream.connection import MAX_HEAD_BYTES
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Reply
 from services.vlm_gateway.upstream.pool import Pool, Server
 
 HELLO = b"HTTP/1.1 200 OK\r\ncontent-length: 5\r\n\r\nhello"
