@@ -2,13 +2,15 @@
 
 import asyncio
 import contextlib
+import importlib.metadata
 import json
 import os
+import re
 import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
 from urllib.parse import urlsplit
@@ -22,9 +24,12 @@ from command_line.console import FAILED, INTERRUPTED, interruptible, stop
 from launcher.processes import CannotStart, Processes, free_ports, is_free
 from orchestrator import sample_library
 from service_kit.addresses import PORTS
-from service_kit.settings import process_environment
+from service_kit.connections import Connections
+from service_kit.settings import BadSetting, process_environment, secret
 
 ENOUGH_DISK_BYTES = 1 << 30
+NOT_FOR_FLYING = ("all", "eval", "train")
+"""Extras of the project that no service and no flight needs; `all` holds others besides."""
 CALIBRATION = "services.vlm_gateway.calibration"
 GL_PROBE = """
 import moderngl
@@ -74,7 +79,16 @@ class Finding(NamedTuple):
 
 def examine(environment: Mapping[str, str], runs: Path) -> list[Finding]:
     """All findings; nothing is changed on the machine, except that the folder of the records is made."""
-    return [_python(), _packages(), _renderer(), _redis(environment), *_ports(), _disk(runs), _samples()]
+    return [
+        _python(),
+        _packages(),
+        _renderer(),
+        _settings(environment),
+        _redis(environment),
+        *_ports(),
+        _disk(runs),
+        _samples(),
+    ]
 
 
 def _python() -> Finding:
@@ -84,12 +98,31 @@ def _python() -> Finding:
 
 
 def _packages() -> Finding:
-    needed = ("fastapi", "aiohttp", "cv2", "numpy", "pybullet", "moderngl", "shapely", "zstandard", "redis")
-    probe = f"import importlib.util as u; print(*[n for n in {needed!r} if u.find_spec(n) is None])"
-    missing = _output(probe).strip()
-    return Finding(
-        "Packages", not missing, f"missing: {missing}" if missing else "all there", "`make setup`" if missing else ""
-    )
+    missing = [
+        name for name in required_packages(importlib.metadata.requires("logisticsvln") or []) if not _there(name)
+    ]
+    found = f"missing: {', '.join(missing)}" if missing else "all there"
+    return Finding("Packages", not missing, found, "`make setup`" if missing else "")
+
+
+def required_packages(requirements: Sequence[str]) -> list[str]:
+    """The distributions that the services and commands need, of the project's own `requirements` (PEP 508): all but
+    those of the extras for charts and for training."""
+    names = set()
+    for line in requirements:
+        requirement, _, marker = line.partition(";")
+        extra = re.search(r"extra == [\"']([a-z-]+)[\"']", marker)
+        if extra is None or extra[1] not in NOT_FOR_FLYING:
+            names.add(re.split(r"[^A-Za-z0-9._-]", requirement.strip(), maxsplit=1)[0])
+    return sorted(names)
+
+
+def _there(distribution: str) -> bool:
+    try:
+        importlib.metadata.distribution(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
 
 
 def _renderer() -> Finding:
@@ -107,8 +140,21 @@ def _renderer() -> Finding:
     )
 
 
+def _settings(environment: Mapping[str, str]) -> Finding:
+    """The addresses and tokens of the services, which every command reads."""
+    try:
+        tokens = Connections.read(environment).tokens
+    except BadSetting as error:
+        return Finding("Settings", False, str(error), "docs/configuration.md lists every variable")
+    held = [name for name, token in tokens._asdict().items() if token]
+    return Finding("Settings", True, f"tokens for {', '.join(held)}" if held else "no tokens are set")
+
+
 def _redis(environment: Mapping[str, str]) -> Finding:
-    url = environment.get("REDIS_URL")
+    try:
+        url = secret(environment, "REDIS_URL")
+    except BadSetting as error:
+        return Finding("Redis", False, str(error), "or unset it: the gateway then uses its SQLite file")
     if url:
         parts = urlsplit(url)
         there = _listens(parts.hostname or "127.0.0.1", parts.port or 6379)

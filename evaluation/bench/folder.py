@@ -25,8 +25,9 @@ from evaluation.task_set.task import Task
 from evaluation.task_set.task_files import BadTasks, TaskSet, packed, read
 from mission.record import write_whole
 
-_MAY_DIFFER = {"workers", "versions", "renderer", "model"}
-"""What may change from one session of a run to the next without changing what is flown."""
+_MAY_DIFFER = {"tasks", "workers", "versions", "renderer", "model"}
+"""What may change from one session of a run to the next without changing what is flown: the checksum tells which set it
+is, whatever the file is called."""
 
 
 class BadFolder(ValueError):

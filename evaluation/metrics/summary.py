@@ -1,10 +1,8 @@
-"""A run in figures: the one object that `--json` prints and `summary.json` holds; and two runs on the same tasks."""
+"""A run in figures: the one object that `--json` prints and `summary.json` holds."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import get_args
-
-import numpy as np
 
 from contracts.base import Name, Wire
 from evaluation.metrics.breakdown import GROUPINGS, breakdown
@@ -15,17 +13,12 @@ from evaluation.metrics.extension import Figure, extension_figures
 from evaluation.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
 from evaluation.metrics.ideal_lap import ideal_lap_spl
 from evaluation.metrics.model_calls import RoleCalls, model_calls
-from evaluation.metrics.paired import mcnemar, paired_bootstrap
 from evaluation.metrics.proportion import Proportion
 from evaluation.metrics.recognition import recognition_fail_rate
 from evaluation.metrics.spl import Flown, spl
 from evaluation.metrics.steps import average_steps
 from evaluation.metrics.success import success_curve, success_rate
 from evaluation.task_set.task import Task
-
-BOOTSTRAP_SEED = 20_250
-FEWEST_FOR_BOOTSTRAP = 10
-"""Resampling a handful of tasks shows nothing but that handful: below this only the mean is given."""
 
 
 class Rate(Wire):
@@ -112,36 +105,12 @@ class Summary(Wire):
     extensions: dict[Name, ExtensionFigure] = {}
 
 
-class Change(Wire):
-    """first - second with a 95 % interval and a two-sided p; all null without tasks in common, all but the mean for
-    fewer than `FEWEST_FOR_BOOTSTRAP`."""
-
-    mean: float | None
-    low: float | None
-    high: float | None
-    p: float | None
-
-
-class Comparison(Wire):
-    """Two runs on the tasks that both flew. `success_p`: McNemar's exact test; `only_*`: tasks that one run alone
-    solved. `success` and `spl` (horizontal): paired bootstrap."""
-
-    tasks: int
-    both: int
-    only_first: int
-    only_second: int
-    neither: int
-    success_p: float
-    success: Change
-    spl: Change
-
-
 def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_s: float) -> Summary:
     """The figures of the episodes flown so far. `tasks` by id, all that the run is to fly; `wall_s` in seconds.
 
     Raises ValueError for a record of an unknown task, and for two records of one.
     """
-    _check(tasks, records)
+    check_records(tasks, records)
     # by task, so that figures do not depend on which worker was first
     ordered = sorted(records, key=lambda record: record.task)
     reasons = Counter(record.reason for record in ordered)
@@ -176,29 +145,6 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
     )
 
 
-def compare(tasks: Mapping[str, Task], first: Sequence[EpisodeRecord], second: Sequence[EpisodeRecord]) -> Comparison:
-    """The paired tests over the tasks in both runs. Raises ValueError as `summarize` does."""
-    _check(tasks, first)
-    _check(tasks, second)
-    a, b = ({record.task: record for record in run} for run in (first, second))
-    shared = sorted(a.keys() & b.keys())
-    won = [[run[name].success for name in shared] for run in (a, b)]
-    efficient = [[spl([horizontal(tasks[name], run[name])]) or 0.0 for name in shared] for run in (a, b)]
-    test = mcnemar(won[0], won[1])
-    rng = np.random.default_rng(BOOTSTRAP_SEED)
-    both = sum(x and y for x, y in zip(*won, strict=True))
-    return Comparison(
-        tasks=len(shared),
-        both=both,
-        only_first=test.only_first,
-        only_second=test.only_second,
-        neither=len(shared) - both - test.only_first - test.only_second,
-        success_p=test.p,
-        success=_change(won[0], won[1], rng),
-        spl=_change(efficient[0], efficient[1], rng),
-    )
-
-
 def _extensions(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> dict[str, ExtensionFigure]:
     found = extension_figures(tasks, records, tuple(Summary.model_fields))
     return {name: _extension(figure) for name, figure in found.items()}
@@ -223,13 +169,6 @@ def spatial(task: Task, record: EpisodeRecord) -> Flown:
     return Flown(record.success, task.shortest_spatial_m, flown)
 
 
-def _change(first: Sequence[float], second: Sequence[float], rng: np.random.Generator) -> Change:
-    found = paired_bootstrap(first, second, rng)
-    if len(first) < FEWEST_FOR_BOOTSTRAP:
-        return Change(mean=found.mean, low=None, high=None, p=None)
-    return Change(**found._asdict())
-
-
 def _groups(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> Groups:
     found = {name: breakdown(tasks, records, group.of, group.order) for name, group in GROUPINGS.items()}
     return Groups(**{name: {k: _rate(p) for k, p in groups.items()} for name, groups in found.items()})
@@ -246,7 +185,8 @@ def _absent(found: Absence | None) -> Absent | None:
     )
 
 
-def _check(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> None:
+def check_records(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord]) -> None:
+    """Raises ValueError for a record of an unknown task, and for two records of one."""
     twice = [name for name, times in Counter(record.task for record in records).items() if times > 1]
     if twice:
         raise ValueError(f"more than one record of task {twice[0]}")

@@ -1,12 +1,13 @@
 """`logisticsvln compare`: arms side by side, each tested against the first on the tasks that both flew."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 
 from contracts.base import Wire
-from evaluation.metrics.summary import Change, Comparison, Rate, Summary
+from evaluation.metrics.comparison import Change, Comparison, compare
+from evaluation.metrics.summary import Rate, Summary
 from evaluation.report.markup import p_value, percent
 from evaluation.report.runs import Run
-from evaluation.report.tables import against
 
 HEADS = (
     "arm",
@@ -24,8 +25,7 @@ HEADS = (
 
 
 class Arm(Wire):
-    """One run; `against_first` is null for the first itself. In it the run comes first and the first run second, so
-    that a positive difference is this run's gain."""
+    """One run; `against_first` is null for the first itself, which is the baseline of all others."""
 
     label: str
     folder: str
@@ -54,6 +54,33 @@ def compared(runs: Sequence[Run]) -> Arms:
     return Arms(arms=tuple(arms))
 
 
+def against(run: Run, baseline: Run) -> Comparison:
+    """The paired tests on the tasks that both flew. Tasks are the same where all but their names is: sets that were
+    drawn from one seed under two names are one set, and of two seeds none is shared, whatever they are called."""
+    same = same_tasks(run.contents, baseline.contents)
+    tasks = {name: run.tasks[name] for name in same.values()}
+    return compare(
+        tasks,
+        [record for record in run.records if record.task in tasks],
+        [r.model_copy(update={"task": same[r.task]}) for r in baseline.records if r.task in same],
+    )
+
+
+def same_tasks(run: Mapping[str, str], baseline: Mapping[str, str]) -> dict[str, str]:
+    """The run's name of each of the baseline's tasks that is in both. Both map names to contents. Where a set holds a
+    task several times, equal names go together, and the others in their order."""
+    names: defaultdict[str, list[str]] = defaultdict(list)
+    for name, content in run.items():
+        names[content].append(name)
+    pairs = {name: name for name, content in baseline.items() if run.get(name) == content}
+    for name in pairs:
+        names[baseline[name]].remove(name)
+    for name, content in baseline.items():
+        if name not in pairs and names[content]:
+            pairs[name] = names[content].pop(0)
+    return pairs
+
+
 def _arm(run: Run, test: Comparison | None) -> Arm:
     return Arm(label=run.label, folder=str(run.folder), summary=run.summary, against_first=test)
 
@@ -72,7 +99,7 @@ def cells(arm: Arm) -> tuple[str, ...]:
     )
     if test is None:
         return (*figures, "", "", "", "")
-    tests = (f"{test.only_first} : {test.only_second}", p_value(test.success_p), change(test.spl), p_value(test.spl.p))
+    tests = (f"{test.only_run} : {test.only_baseline}", p_value(test.success_p), change(test.spl), p_value(test.spl_p))
     return figures + tests
 
 

@@ -17,8 +17,9 @@ from mission.policies import words_of
 
 
 class Run(NamedTuple):
-    """One run. `label` says in a few words how its arm differs; `tasks` are those it flew or was to fly;
-    `alone` are the figures of single roles that `bench --subtask --out` left in its folder."""
+    """One run. `label` says in a few words how its arm differs; `tasks` are those it flew or was to fly, `contents`
+    their digests (`Task.content`); `alone` are the figures of single roles that `bench --subtask --out` left in its
+    folder."""
 
     label: str
     folder: Path
@@ -26,6 +27,7 @@ class Run(NamedTuple):
     tasks: Mapping[str, Task]
     records: Sequence[EpisodeRecord]
     summary: Summary
+    contents: Mapping[str, str]
     alone: Sequence[SubtaskScores] = ()
 
     @property
@@ -47,7 +49,8 @@ def load_run(folder: Path) -> Run:
         summary = summarize(tasks, records, read_wall_s(folder))
     except ValueError as error:
         raise BadFolder(f"{folder}: {error}") from None
-    return Run(label_of(settings), folder, settings, tasks, records, summary, _alone(folder))
+    contents = {name: task.content for name, task in tasks.items()}
+    return Run(label_of(settings), folder, settings, tasks, records, summary, contents, _alone(folder))
 
 
 def load_runs(folders: Sequence[Path]) -> list[Run]:

@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 from itertools import combinations
 
-from evaluation.metrics.summary import Change
 from evaluation.report import charts
+from evaluation.report.comparison import against, change
 from evaluation.report.markup import Html, join, number, p_value, tag
 from evaluation.report.runs import Run
-from evaluation.report.tables import against
 from mission.wording import counted
 
 ROLE_TITLES = {
@@ -108,31 +107,31 @@ def compared(runs: Sequence[Run]) -> list[Html]:
     if len(runs) < 2:
         return []
     heads = (
-        "First",
-        "Second",
+        "Run",
+        "Against",
         "Tasks",
         "Both",
-        "Only first",
-        "Only second",
+        "Only the run",
+        "Only the other",
         "Neither",
-        "Success, difference",
+        "Success gained",
         "p",
-        "SPL, difference",
+        "SPL gained",
         "p",
     )
     rows = []
-    for (j, a), (k, b) in combinations(enumerate(runs), 2):
-        found = against(a, b)
+    for (j, baseline), (k, run) in combinations(enumerate(runs), 2):
+        found = against(run, baseline)
         rows.append(
             tag(
                 "tr",
-                tag("td", tag("i", class_=f"key r{j}"), a.label),
-                tag("td", tag("i", class_=f"key r{k}"), b.label),
-                *(tag("td", n) for n in (found.tasks, found.both, found.only_first, found.only_second, found.neither)),
-                tag("td", _change(found.success)),
+                tag("td", tag("i", class_=f"key r{k}"), run.label),
+                tag("td", tag("i", class_=f"key r{j}"), baseline.label),
+                *(tag("td", n) for n in (found.tasks, found.both, found.only_run, found.only_baseline, found.neither)),
+                tag("td", change(found.success)),
                 tag("td", p_value(found.success_p) if found.tasks else "n/a"),
-                tag("td", _change(found.spl)),
-                tag("td", p_value(found.spl.p)),
+                tag("td", change(found.spl)),
+                tag("td", p_value(found.spl_p)),
             )
         )
     table = tag(
@@ -142,19 +141,12 @@ def compared(runs: Sequence[Run]) -> list[Html]:
         class_="booktabs figures pairs",
     )
     told = (
-        "Differences are the first less the second, in percentage points with the paired bootstrap's 95 % interval "
-        "(10,000 resamples, from ten tasks on). Success: McNemar's exact test over the tasks that one run alone "
-        "solved. No correction for several comparisons."
+        "What the run gains over the one it is held against, in percentage points with the paired bootstrap's 95 % "
+        "interval (10,000 resamples, from ten tasks on); the signs are those of `logisticsvln compare`. The p of "
+        "success is McNemar's, exact, over the tasks that one of the two alone solved; that of SPL is the bootstrap's. "
+        "Tasks are the same where all but their names is. No correction for several comparisons."
     )
     return [
         tag("h2", "Runs compared", id="compared"),
         tag("section", tag("div", table, class_="scroll"), tag("p", told, class_="soft"), class_="card"),
     ]
-
-
-def _change(change: Change) -> str:
-    if change.mean is None:
-        return "n/a"
-    if change.low is None or change.high is None:
-        return f"{100 * change.mean:+.1f}"
-    return f"{100 * change.mean:+.1f} [{100 * change.low:+.1f}, {100 * change.high:+.1f}]"

@@ -3,8 +3,10 @@
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from evaluation.metrics.summary import Comparison, Rate, compare
+from evaluation.metrics.comparison import Comparison
+from evaluation.metrics.summary import Rate
 from evaluation.report import paper
+from evaluation.report.comparison import against
 from evaluation.report.markup import Html, interval, join, number, p_value, percent, tag, text
 from evaluation.report.runs import Run
 from mission.policies import policies
@@ -65,14 +67,6 @@ def five_tables(runs: Sequence[Run]) -> Html:
             ),
         )
     )
-
-
-def against(first: Run, second: Run) -> Comparison:
-    """The paired tests of two runs on the tasks that both flew. Sets drawn from different seeds may use the same names
-    for different tasks: only tasks that are equal count."""
-    same = {name: task for name, task in first.tasks.items() if second.tasks.get(name) == task}
-    arms = [[record for record in run.records if record.task in same] for run in (first, second)]
-    return compare(same, arms[0], arms[1])
 
 
 class Arm(NamedTuple):
@@ -172,7 +166,7 @@ def _our_scores(first: str, rows: Sequence[Row]) -> Html:
         test = _test(row)
         summary = row.run.summary
         beside = f"3-D {percent(summary.spl.spatial)} · ideal lap {percent(summary.ideal_lap_spl)}"
-        spl = _number(percent(summary.spl.horizontal), beside + (f" · p {p_value(test.spl.p)}" if test else ""))
+        spl = _number(percent(summary.spl.horizontal), beside + (f" · p {p_value(test.spl_p)}" if test else ""))
         cells.append(
             [
                 text(row.name),
@@ -187,7 +181,7 @@ def _our_scores(first: str, rows: Sequence[Row]) -> Html:
 def _test(row: Row) -> Comparison | None:
     if row.run is None or row.baseline is None:
         return None
-    found = against(row.baseline, row.run)
+    found = against(row.run, row.baseline)
     return found if found.tasks else None
 
 

@@ -1,5 +1,6 @@
 """One task of a set: a delivery to fly, with the truth by which it is judged."""
 
+import hashlib
 from typing import Literal
 
 from pydantic import Field
@@ -43,6 +44,13 @@ class Task(Wire):
     difficulty: Difficulty
     shortest_horizontal_m: Metres
     shortest_spatial_m: Metres
+
+    @property
+    def content(self) -> str:
+        """A digest (SHA-256, hexadecimal) of all but the names of task and scene, which whoever draws a set chooses."""
+        scene = self.scene.model_copy(update={"name": "-"})
+        nameless = self.model_copy(update={"id": "-", "scene": scene})
+        return hashlib.sha256(nameless.model_dump_json().encode()).hexdigest()
 
     @property
     def absent(self) -> bool:

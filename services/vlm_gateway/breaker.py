@@ -48,8 +48,26 @@ class Breaker:
         self._opened_at = None
         self._probe_since = None
 
+    def alive(self) -> None:
+        """A call under way has brought something: no reason to keep others waiting until it ends. One more failure
+        opens the breaker again."""
+        if self._opened_at is not None:
+            self._in_a_row = self._failures - 1
+            self._opened_at = None
+            self._probe_since = None
+
+    def undecided(self) -> None:
+        """A call ended without telling anything; another may probe at once."""
+        self._probe_since = None
+
     def failure(self) -> None:
         self._in_a_row += 1
         self._probe_since = None
         if self._opened_at is not None or self._in_a_row >= self._failures:
             self._opened_at = self._clock()
+
+    def trip(self) -> None:
+        """Open now, however few failures there were."""
+        self._in_a_row = self._failures
+        self._opened_at = self._clock()
+        self._probe_since = None

@@ -25,8 +25,17 @@ from contracts.base import Name, Unit, Wire
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, secret
 from services.vlm_gateway.backends.extension import BUILT_IN, ExtensionModelConfig, extension_backends
+from services.vlm_gateway.errors import FallbackReason
 from services.vlm_gateway.presets import BoxOrder, BoxStyle, Family, Server, Structured, families, servers
 
+FALLBACK_AFTER: tuple[FallbackReason, ...] = (
+    "unreachable",
+    "timeout",
+    "overloaded",
+    "rate_limited",
+    "server_key",
+    "not_found",
+)
 ROLES: tuple[Role, ...] = ("parser", "floors", "recognition", "choice")
 
 
@@ -93,8 +102,9 @@ class ChatModelConfig(_Limits):
     differently quantised or re-trained models apart in the cache. `extra` is sent with every request as it is.
 
     For chats that are passed on: `retries` is how often a request is made again where its failure may pass, `fallbacks`
-    the aliases that are asked in turn where this model can't be reached, and the prices (US dollars a million tokens)
-    make what is spent."""
+    the aliases that are asked in turn after what `fallback_after` lists, `counts_streams` whether its server is asked
+    what a stream cost, and the prices (US dollars a million tokens) make what is spent. `resend_unanswered`: a request
+    that the server may have read, and to which it gave no reply, may be sent again too."""
 
     backend: Literal["chat"]
     base_url: str = ""
@@ -117,7 +127,10 @@ class ChatModelConfig(_Limits):
     context_tokens: int | None = Field(default=None, ge=512, le=1_048_576)
     extra: dict[str, Any] = {}
     retries: int = Field(default=1, ge=0, le=5)
+    resend_unanswered: bool = False
     fallbacks: tuple[Name, ...] = Field(default=(), max_length=8)
+    fallback_after: tuple[FallbackReason, ...] = FALLBACK_AFTER
+    counts_streams: bool | None = None
     usd_per_million_prompt: float = Field(default=0.0, ge=0.0, le=100_000.0)
     usd_per_million_completion: float = Field(default=0.0, ge=0.0, le=100_000.0)
 
@@ -180,6 +193,10 @@ class ChatModel(Wire):
     @property
     def structured(self) -> Structured:
         return self.config.structured or self.server.structured
+
+    @property
+    def counts_streams(self) -> bool:
+        return self.server.counts_streams if self.config.counts_streams is None else self.config.counts_streams
 
     @property
     def temperature(self) -> float:

@@ -14,7 +14,7 @@ from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.keys import answer_key
 from services.vlm_gateway.cache.port import CacheDown
 from services.vlm_gateway.chat.backend import ChatBackend
-from services.vlm_gateway.errors import CacheUnavailable, NotRecorded
+from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorded, kind_of, of_our_question
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.questions import KINDS, Kind, Prepared
@@ -145,7 +145,9 @@ class Gateway:
         try:
             reply = await prepared.ask(backend)
         except ServiceError as error:
-            self.metrics.model_called(provider, alias, time.perf_counter() - started, error=error.code)
+            self.metrics.model_called(provider, alias, time.perf_counter() - started, error=kind_of(error))
+            if isinstance(error, ModelError):
+                raise of_our_question(error) from None
             raise
         self.metrics.model_called(provider, alias, time.perf_counter() - started, reply.tokens)
         self.metrics.spent(alias, reply.tokens)

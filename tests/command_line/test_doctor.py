@@ -8,6 +8,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+from command_line.doctor import required_packages
 from command_line.main import app
 from launcher.processes import free_ports
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, says
@@ -19,10 +20,36 @@ def test_the_doctor_looks_at_everything_and_says_what_to_do(tmp_path: Path) -> N
     result = RUNNER.invoke(app, ["doctor", "--json", "--out", str(tmp_path)])
     told = json.loads(result.stdout)
     assert {f["name"] for f in told["findings"]} == {
-        "Python", "Packages", "Renderer", "Redis", "Ports", "Disk", "Samples",
+        "Python", "Packages", "Renderer", "Settings", "Redis", "Ports", "Disk", "Samples",
     }  # fmt: skip
     assert result.exit_code == (0 if told["ok"] else 1)
     assert all(f["remedy"] for f in told["findings"] if not f["ok"])
+
+
+def test_a_machine_on_which_the_tests_run_is_a_good_one(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["doctor", "--json", "--out", str(tmp_path)], env={"REDIS_URL": ""})
+    told = json.loads(result.stdout)
+    assert [f for f in told["findings"] if not f["ok"]] == []
+    assert (told["ok"], result.exit_code) == (True, 0)
+
+
+def test_only_packages_that_flying_needs_are_looked_for() -> None:
+    requirements = [
+        "aiohttp>=3.11",
+        "uvicorn[standard]==0.38.0",
+        "pybullet>=3.2.6; extra == 'sim'",
+        'matplotlib>=3.9; extra == "eval"',
+        "torch>=2.6; extra == 'train'",
+        "torch>=2.6; extra == 'all'",
+    ]
+    assert required_packages(requirements) == ["aiohttp", "pybullet", "uvicorn"]
+
+
+def test_a_token_file_that_cannot_be_read_is_a_finding(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["doctor", "--json", "--out", str(tmp_path)], env={"SIM_TOKEN_FILE": "/nowhere/token"})
+    settings = next(f for f in json.loads(result.stdout)["findings"] if f["name"] == "Settings")
+    assert not settings["ok"]
+    assert "SIM_TOKEN_FILE=/nowhere/token: No such file" in settings["found"]
 
 
 def test_the_doctor_notices_a_redis_that_is_set_and_does_not_answer(tmp_path: Path) -> None:

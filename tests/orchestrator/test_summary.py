@@ -7,14 +7,14 @@ import cv2
 from contracts.orchestrator import DeliveryQuestion
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import HEAD
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene
+from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
 
 
 async def head_of(request: str, runs: Path) -> bytes:
     """The pixels of the picture's head, where the request stands."""
     world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
     run = Run(Order(DeliveryQuestion(request=request, scene=block_scene(world.block))), runs)
-    await run.fly(block_ports(world))
+    await run.fly(block_ports(world), block_trial(world))
     picture = cv2.imread(str(run.record.folder / "summary.png"))
     assert picture is not None
     return picture[:HEAD].tobytes()

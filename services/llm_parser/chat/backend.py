@@ -133,6 +133,10 @@ class ChatParser:
                 return BadQuestion(error.reason, code=error.code, details={**details, **error.details})
             if error.status == 504:
                 return ServiceError(str(error), code="model_timeout", status=504, details=details)
+            if error.status == 429:
+                return ServiceError(error.reason, code="model_overloaded", status=503, details=details)
+            if "upstream_status" in error.details:  # the model's server refused the question, which is the parser's own
+                return ServiceError(error.reason, code="model_rejected", status=502, details=details)
         what = "answered with no chat completion" if isinstance(error, Garbled) else error.message
         return Unavailable(f"{error.service}: {what}", code="model_unreachable", details=details)
 

@@ -4,27 +4,28 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from service_kit.errors import BadQuestion, ServiceError
+from service_kit.errors import BadQuestion
 from services.vlm_gateway.cache.guard import GuardedCache
-from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
+from services.vlm_gateway.errors import ModelError, ModelRejected
 from services.vlm_gateway.hot.exchange import Stored
-from services.vlm_gateway.hot.relay import Kept, Pieces
+from services.vlm_gateway.hot.relay import Course, Pieces, Relayed
 from services.vlm_gateway.hot.request import Chat
 from services.vlm_gateway.hot.scan import Scanned, rewritten
 from services.vlm_gateway.keys import Forbidden, Key
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.upstream.client import Upstream
-from services.vlm_gateway.upstream.replies import Said
-
-_PASSES_ON = (ModelUnreachable, ModelTimeout, ModelOverloaded)
-"""What another model may be asked after."""
+from services.vlm_gateway.upstream.events import ChatReader, outcome_of
+from services.vlm_gateway.upstream.http_reply import Buffer
+from services.vlm_gateway.upstream.replies import Said, Spent
+from services.vlm_gateway.upstream.stream import ChatStream
 
 
 class Answered(NamedTuple):
-    """`alias` is the model that answered in the end."""
+    """`alias` is the model that answered in the end; `outcome` is `answered` where it did so as it should have."""
 
     alias: str
     body: bytes
+    outcome: str
 
 
 class ChatCall(NamedTuple):
@@ -40,6 +41,10 @@ class ChatCall(NamedTuple):
     def in_turn(self) -> Iterator[tuple[Upstream, Upstream | None]]:
         """Every target with the one that comes after it."""
         return zip(self.targets, [*self.targets[1:], None], strict=True)
+
+    def body_for(self, target: Upstream) -> list[Buffer]:
+        """The request in this target's words."""
+        return rewritten(self.scanned, self.chat, target.wanted)
 
 
 class Models:
@@ -76,67 +81,92 @@ class Models:
         return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
 
     async def whole(self, call: ChatCall) -> Answered:
-        """Upstream by target, until one answers."""
+        """Target by target, until one answers."""
         for target, after in call.in_turn():
             started = time.perf_counter()
             try:
-                answer = await target.whole(rewritten(call.scanned, call.chat, target.wanted), call.trace)
+                answer = await target.whole(call.body_for(target), call.trace)
                 if answer.said.message is None:
                     raise target.no_choice()
-            except ServiceError as error:
-                self._failed(target, after, error, started)
-                if after is None or not isinstance(error, _PASSES_ON):
+            except ModelError as error:
+                if not self._passes_on(target, after, error, started):
                     raise
                 continue
-            tokens = answer.said.tokens
-            self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, tokens)
-            self._metrics.spent(target.alias, tokens)
-            if _worth_keeping(answer.said):
+            outcome = _outcome(answer.said, call.chat.limits_length)
+            self._spent(target, started, answer.said.tokens)
+            if outcome == "answered":
                 self._keep(call, target, Stored(target.alias, False, answer.body))
-            return Answered(target.alias, answer.body)
+            return Answered(target.alias, answer.body, outcome)
         raise AssertionError("there is at least one target")
 
-    async def events(self, call: ChatCall) -> Pieces:
-        """A stream's bytes as they come. Kept whole, with its end seen, or not at all."""
+    async def events(self, call: ChatCall, course: Course) -> Pieces:
+        """A stream's bytes as they come, once one of the targets has something to say. Kept whole, with its end seen,
+        or not at all. What was passed on is paid for, however it ends."""
         for target, after in call.in_turn():
             started = time.perf_counter()
-            kept = Kept()
             try:
-                opened = await target.stream(rewritten(call.scanned, call.chat, target.wanted), call.trace)
-                try:
-                    while piece := await opened.piece():
-                        kept.add(piece)
-                        yield piece
-                    if not kept.finished:
-                        raise opened.cut()
-                finally:
-                    opened.close()
-            except ServiceError as error:
-                self._failed(target, after, error, started)
-                if kept.size or after is None or not isinstance(error, _PASSES_ON):
+                stream = await self._opened(target, call)
+            except ModelError as error:
+                if not self._passes_on(target, after, error, started):
                     raise
                 continue
-            tokens = kept.tokens()
-            self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, tokens)
-            self._metrics.spent(target.alias, tokens)
-            whole = kept.whole
-            if whole is not None and kept.clean:
+            course.alias = target.alias
+            relayed, failed = Relayed(), "caller_left"
+            try:
+                while piece := await stream.piece():
+                    relayed.add(piece)
+                    yield piece
+                failed = ""
+            except ModelError as error:
+                failed = error.kind
+                raise
+            finally:
+                stream.close()
+                self._spent(target, started, _cost(stream.said), failed)
+            course.outcome = stream.said.outcome(call.chat.limits_length)
+            if course.outcome == "answered" and (whole := relayed.whole) is not None:
                 self._keep(call, target, Stored(target.alias, True, whole))
             return
+
+    async def _opened(self, target: Upstream, call: ChatCall) -> ChatStream:
+        """The stream of one target. A server that does not know how to count a stream's tokens isn't asked to again."""
+        while True:
+            counting = target.wanted.counts_streams and not call.chat.wants_usage
+            try:
+                return await target.stream(call.body_for(target), call.trace, without_usage=counting)
+            except ModelRejected as error:
+                if not counting or not target.refuses_to_count(error):
+                    raise
+
+    def _spent(self, target: Upstream, started: float, tokens: Spent, failed: str = "") -> None:
+        took_s = time.perf_counter() - started
+        self._metrics.model_called(target.provider, target.alias, took_s, tokens, failed)
+        self._metrics.spent(target.alias, tokens)
 
     def _keep(self, call: ChatCall, target: Upstream, answer: Stored) -> None:
         """Unless another model stood in: its answer is not the one that was asked for."""
         if call.digest and self._cache is not None and target is call.targets[0]:
             self._cache.put(call.digest, answer.written())
 
-    def _failed(self, target: Upstream, after: Upstream | None, error: ServiceError, started: float) -> None:
-        self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, error=error.code)
-        if after is not None and isinstance(error, _PASSES_ON):
-            self._metrics.fell_back(target.alias, after.alias, error.code)
+    def _passes_on(self, target: Upstream, after: Upstream | None, error: ModelError, started: float) -> bool:
+        """Whether the next target is asked after this error."""
+        self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, error=error.kind)
+        if after is None or error.fallback_reason not in target.fallback_after:
+            return False
+        self._metrics.fell_back(target.alias, after.alias, error.kind)
+        return True
 
 
-def _worth_keeping(said: Said) -> bool:
-    """A refusal, an answer cut off or one without words may not come again, and one that were kept would stay."""
+def _outcome(said: Said, length_asked_for: bool) -> str:
     message = said.message or {}
-    words = message.get("content") or message.get("tool_calls")
-    return said.finish_reason in ("stop", "tool_calls") and bool(words) and not message.get("refusal")
+    return outcome_of(
+        said.finish_reason,
+        has_content=bool(message.get("content") or message.get("tool_calls") or message.get("function_call")),
+        refused=bool(message.get("refusal")),
+        length_asked_for=length_asked_for,
+    )
+
+
+def _cost(said: ChatReader) -> Spent:
+    """The server's own count; else what was passed on."""
+    return said.usage or Spent(completion=said.completion_tokens)

@@ -162,15 +162,13 @@ class Exchange:
         pieces, self._pieces = self._pieces, []
         return pieces[0] if len(pieces) == 1 else b"".join(pieces)
 
-    def answer(self, body: bytes, kind: bytes, alias: str | None = None) -> None:
-        """The whole answer; `alias` where another model than the one that was asked may have given it."""
-        if alias is not None:
-            self.alias = alias
+    def answer(self, body: bytes, kind: bytes, outcome: str = "answered") -> None:
+        """The whole answer."""
         length = str(len(body)).encode()
         headers = ((b"content-type", kind), (b"content-length", length), (b"x-cache", self.cache.encode()))
         self._write(self._head(200, headers) + body)
         self.sent = len(body)
-        self.outcome = "answered"
+        self.outcome = outcome
         self._complete()
 
     def tell(self, answer: Response) -> None:
@@ -188,9 +186,9 @@ class Exchange:
         self.sent += len(body)
         self._write(_chunk(body))
 
-    def end(self) -> None:
+    def end(self, outcome: str) -> None:
         """The end of a streamed answer."""
-        self.outcome = "answered"
+        self.outcome = outcome
         self._write(b"0\r\n\r\n")
         self._complete()
 

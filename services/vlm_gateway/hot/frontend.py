@@ -29,13 +29,13 @@ from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins, without_encoding
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.port import CacheDown
-from services.vlm_gateway.errors import CacheUnavailable, NotRecorded
+from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorded, kind_of
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.hot.calls import Answered, ChatCall, Models
 from services.vlm_gateway.hot.deadline import too_late
 from services.vlm_gateway.hot.exchange import Exchange, Head, Stored, head_of, too_large
 from services.vlm_gateway.hot.log import RequestLog
-from services.vlm_gateway.hot.relay import Broadcast
+from services.vlm_gateway.hot.relay import Broadcast, Course
 from services.vlm_gateway.hot.scan import Scanned, read, scan
 from services.vlm_gateway.hot.server import PATH, CallerProtocol
 from services.vlm_gateway.keys import ANYBODY, Forbidden, Key, Keys, Unauthorised, asking
@@ -153,8 +153,8 @@ class Frontend:
 
     def _fail(self, error: ServiceError, exchange: Exchange) -> None:
         """An error answer, or where a stream has begun its last event."""
-        exchange.outcome = error.code
-        if error.status in (401, 429):
+        exchange.outcome = kind_of(error)
+        if error.status in (401, 429) and not isinstance(error, ModelError):
             self._metrics.refused(exchange.key.name, error.code)
         if not exchange.response_started:
             if error.status == 408:
@@ -219,10 +219,15 @@ class Frontend:
         elif digest:
             landed = await self._flights.share(digest, partial(self._models.whole, call))
             exchange.cache = "hit" if landed.shared else "miss"
-            exchange.answer(landed.value.body, _JSON, landed.value.alias)
+            self._answer(exchange, landed.value)
         else:
             answered = await self._models.whole(call)
-            exchange.answer(answered.body, _JSON, answered.alias)
+            self._answer(exchange, answered)
+
+    @staticmethod
+    def _answer(exchange: Exchange, answered: Answered) -> None:
+        exchange.alias = answered.alias  # another model than the one that was asked may have given it
+        exchange.answer(answered.body, _JSON, answered.outcome)
 
     def _digest(self, key: Key, scanned: Scanned) -> str:
         """What an answer is kept under: everything that says who may have it and what it depends on."""
@@ -259,17 +264,21 @@ class Frontend:
             broadcast = self._streams.get(call.digest)
             exchange.cache = "miss" if broadcast is None else "hit"
             if broadcast is None:
-                broadcast = Broadcast(self._models.events(call), partial(self._streams.pop, call.digest, None))
+                course = Course(exchange.alias)
+                forget = partial(self._streams.pop, call.digest, None)
+                broadcast = Broadcast(self._models.events(call, course), course, forget)
                 self._streams[call.digest] = broadcast
-            pieces = broadcast.read()
+            pieces, course = broadcast.read(), broadcast.course
         else:
-            pieces = self._models.events(call)
+            course = Course(exchange.alias)
+            pieces = self._models.events(call, course)
         try:
             async for piece in pieces:
+                exchange.alias = course.alias
                 await exchange.piece(piece, _EVENTS)
         finally:
             await pieces.aclose()
-        exchange.end()
+        exchange.end(course.outcome)
 
     def _count(self, exchange: Exchange) -> None:
         took_s = exchange.took_s()

@@ -59,6 +59,17 @@ class Chat(NamedTuple):
     def deterministic(self) -> bool:
         return self.body.get("temperature") == 0
 
+    @property
+    def limits_length(self) -> bool:
+        """Whether the caller says how long an answer may be, so that one that is cut there is what was asked for."""
+        return any(self.body.get(name) is not None for name in ("max_tokens", "max_completion_tokens"))
+
+    @property
+    def wants_usage(self) -> bool:
+        """Whether the caller asks what a stream cost."""
+        options = self.body.get("stream_options")
+        return isinstance(options, dict) and options.get("include_usage") is True
+
 
 def check_chat(body: object, cut_out: CutOut) -> Chat:
     """Raises BadQuestion (`invalid`, `unknown_field`, `no_urls`, `bad_image`)."""

@@ -18,7 +18,7 @@ from pydantic_core import to_json
 
 from services.vlm_gateway.hot.request import DROPPED, PASSED, Chat, check_chat, invalid
 from services.vlm_gateway.upstream.client import Wanted
-from services.vlm_gateway.upstream.connection import Buffer
+from services.vlm_gateway.upstream.http_reply import Buffer
 
 _MIN_CUT = 256
 _MAX_HOLES = 1000
@@ -28,6 +28,7 @@ _HOLE = re.compile(_TOKEN.encode() + rb"\d{3}")
 _HOLE_LENGTH = len(_TOKEN) + 3
 _TEMPERATURE_0 = re.compile(rb'"temperature"\s*:\s*-?0(?:\.0*)?\s*[,}]')
 _MODEL = re.compile(rb'"model"\s*:\s*"((?:[^"\\]){1,80})"')
+_COUNTED = b'{"stream_options":{"include_usage":true},'
 _LIMITS = ("max_tokens", "max_completion_tokens")
 
 
@@ -91,6 +92,7 @@ def read(scanned: Scanned) -> tuple[Scanned, Chat]:
 def rewritten(scanned: Scanned, chat: Chat, wanted: Wanted) -> list[Buffer]:
     """The body to send on, in pieces; the pictures are those of `raw` itself."""
     body = chat.body
+    counts = chat.stream and wanted.counts_streams and not chat.wants_usage
     limits = [name for name in _LIMITS if body.get(name) is not None]
     as_it_is = (
         DROPPED.isdisjoint(body)
@@ -99,19 +101,22 @@ def rewritten(scanned: Scanned, chat: Chat, wanted: Wanted) -> list[Buffer]:
         # \u00 may spell a letter of a key: then the one "model" seen below may be another than the one that was read
         and b"\\u00" not in scanned.skeleton
         and None not in body.values()
+        and not (counts and "stream_options" in body)
     )
     found = _MODEL.search(scanned.skeleton) if as_it_is else None
     if found is not None and scanned.skeleton.count(b'"model"') == 1 and chat.alias is not None:
         start, end = found.start(1) - 1, found.end(1) + 1
-        if wanted.model_json == scanned.skeleton[start:end]:
+        if wanted.model_json == scanned.skeleton[start:end] and not counts:
             return [scanned.raw]
         skeleton = scanned.skeleton[:start] + wanted.model_json + scanned.skeleton[end:]
+        if counts:
+            skeleton = skeleton.replace(b"{", _COUNTED, 1)
     else:
-        skeleton = _composed(chat, wanted)
+        skeleton = _composed(chat, wanted, counts)
     return _filled(skeleton, scanned.pictures)
 
 
-def _composed(chat: Chat, wanted: Wanted) -> bytes:
+def _composed(chat: Chat, wanted: Wanted, counts: bool) -> bytes:
     """The skeleton written anew, for requests that take more than another model's name."""
     body = {
         **wanted.extra,
@@ -124,6 +129,8 @@ def _composed(chat: Chat, wanted: Wanted) -> bytes:
         body[wanted.limit_field] = limit
     if chat.stream:
         body["stream"] = True
+    if counts:
+        body["stream_options"] = {**(body.get("stream_options") or {}), "include_usage": True}
     return b'{"model":' + wanted.model_json + b"," + to_json(body)[1:]
 
 

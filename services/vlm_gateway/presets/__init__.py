@@ -64,7 +64,8 @@ class Server(Wire):
     since 0.12; `grammar` is llama.cpp's GBNF; `format` Ollama's; `none` asks in words only. Whatever a server promises,
     every answer is checked here. `max_tokens_field` is what it calls the limit of the answer's length.
     `max_image_bytes` and `max_image_side` (pixels) bound one picture; larger ones are scaled
-    down before they are sent. `extra` is sent with every typed question.
+    down before they are sent. `extra` is sent with every typed question. `counts_streams`: it takes OpenAI's
+    `stream_options`.
     """
 
     about: str
@@ -73,6 +74,7 @@ class Server(Wire):
     base_url: str = ""
     structured: Structured = "none"
     max_tokens_field: Literal["max_tokens", "max_completion_tokens"] = "max_tokens"
+    counts_streams: bool = True
     max_image_bytes: int = Field(default=20_000_000, ge=10_000)
     max_image_side: int = Field(default=8192, ge=64)
     extra: dict[str, Any] = {}

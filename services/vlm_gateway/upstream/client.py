@@ -2,7 +2,8 @@
 that such servers and the proxies in front of them really send. Typed questions and chats passed on share all of it."""
 
 import asyncio
-import random
+import logging
+import re
 import ssl
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -11,21 +12,21 @@ from urllib.parse import urlsplit
 from pydantic_core import to_json
 
 from contracts.vlm_gateway import Tokens
-from service_kit.errors import ServiceError
 from services.vlm_gateway.admission import Admission
-from services.vlm_gateway.breaker import Breaker
 from services.vlm_gateway.config import ChatModel
-from services.vlm_gateway.errors import ModelOverloaded, ModelTimeout, ModelUnreachable
-from services.vlm_gateway.upstream.connection import BrokenReply, Buffer, Stream
+from services.vlm_gateway.errors import ModelError, ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
+from services.vlm_gateway.keys import asking
+from services.vlm_gateway.upstream import health
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Stream
 from services.vlm_gateway.upstream.pool import Pool, Server
-from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said
+from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said, said_in
+from services.vlm_gateway.upstream.retries import RetryBudget, loading_pause_s, retry_pause_s
+from services.vlm_gateway.upstream.stream import ChatStream, late
 
 T = TypeVar("T")
+log = logging.getLogger(__name__)
+_COUNTING = re.compile(r"stream_options|include_usage")
 MAX_REPLY_BYTES = 8 * 1024 * 1024
-LONGEST_PAUSE_S = 2.0
-"""A retry is not put off longer than this; a server that asks for more gets its caller told instead."""
-RETRY_SHARE = 0.2
-RETRY_RESERVE = 10.0
 
 
 class Call(NamedTuple):
@@ -38,11 +39,12 @@ class Call(NamedTuple):
 
 class Wanted(NamedTuple):
     """What a target makes of a chat request: its model's name as JSON, its name for the length limit, fields to add
-    where the client does not give them."""
+    where the client does not give them. `counts_streams`: it is asked to say at a stream's end what that cost."""
 
     model_json: bytes
     limit_field: str
     extra: Mapping[str, Any]
+    counts_streams: bool = False
 
 
 class Answer(NamedTuple):
@@ -50,19 +52,6 @@ class Answer(NamedTuple):
 
     body: bytes
     said: Said
-
-
-class RetryBudget:
-    """At most one retry in five requests, and ten at once: a server that is down is not asked twice as often."""
-
-    def __init__(self) -> None:
-        self.left = RETRY_RESERVE
-
-    def asked(self) -> None:
-        self.left = min(RETRY_RESERVE, self.left + RETRY_SHARE)
-
-    def took(self) -> None:
-        self.left = max(0.0, self.left - 1.0)
 
 
 class Completion(NamedTuple):
@@ -82,10 +71,13 @@ class Upstream:
         self.alias = model.alias
         self.model = model
         self.provider = model.config.server
-        self.wanted = Wanted(to_json(model.config.model), model.server.max_tokens_field, model.config.extra)
+        self.wanted = Wanted(
+            to_json(model.config.model), model.server.max_tokens_field, model.config.extra, model.counts_streams
+        )
         self.fallbacks = model.config.fallbacks
+        self.fallback_after = frozenset(model.config.fallback_after)
         self.admission = Admission(model.alias, model.config.concurrency, model.config.queue)
-        self.breaker = Breaker(failures=5, pause_s=2.0)
+        self.health = health.ServerHealth()
         self.budget = RetryBudget()
         self._timeout_s = model.config.timeout_s
         self._retried = retried
@@ -94,7 +86,12 @@ class Upstream:
         secure = url.scheme == "https"
         host, port = url.hostname or "", url.port or (443 if secure else 80)
         tls = ssl.create_default_context() if secure else None
-        self._pool = Pool(Server(host, port, tls), connect_timeout_s=model.config.connect_timeout_s)
+        self._pool = Pool(
+            Server(host, port, tls),
+            connect_timeout_s=model.config.connect_timeout_s,
+            resend_unanswered=model.config.resend_unanswered,
+        )
+        self._again = ("connect", "not_sent", "no_reply") if model.config.resend_unanswered else ("connect", "not_sent")
         self._chats = url.path + "/chat/completions"
         lines = [" HTTP/1.1", f"host: {url.netloc}", "content-type: application/json", "user-agent: logisticsvln"]
         lines += [f"authorization: Bearer {key}"] if key else []
@@ -112,6 +109,14 @@ class Upstream:
     def no_choice(self) -> ModelUnreachable:
         """The error of a reply without a choice."""
         return self._replies.unreachable("it sent a reply without a choice", "empty_choices")
+
+    def refuses_to_count(self, error: ModelRejected) -> bool:
+        """Whether the server refused a request because it was asked to count a stream's tokens; then it isn't again."""
+        if not _COUNTING.search(error.message):
+            return False
+        log.warning("the server of model %r takes no stream_options: its streams are estimated", self.alias)
+        self.wanted = self.wanted._replace(counts_streams=False)
+        return True
 
     async def ask(self, call: Call) -> Completion:
         """One whole reply to a typed question; a server that is loading its model is waited for. Raises
@@ -131,10 +136,16 @@ class Upstream:
         """One whole reply to a chat in OpenAI's form. Raises as `ask` does."""
         return await self._admitted(self._request(self._chats, body, trace), self._whole)
 
-    async def stream(self, body: Sequence[Buffer], trace: bytes | None) -> "Opened":
-        """The reply's head and a way to its events; its place is held until that is closed. Raises as `ask` does."""
-        stream = await self._admitted(self._request(self._chats, body, trace), self._stream, keep=True)
-        return Opened(stream, self.alias, self._replies, self._timeout_s, self.admission)
+    async def stream(self, body: Sequence[Buffer], trace: bytes | None, *, without_usage: bool) -> ChatStream:
+        """The reply once there is something in it for the caller; its place is held until that is closed. Raises as
+        `ask` does."""
+
+        async def once(request: list[Buffer], deadline: float) -> ChatStream:
+            return await self._stream(request, deadline, without_usage)
+
+        stream = await self._admitted(self._request(self._chats, body, trace), once, keep=True)
+        stream.hold(self.admission)
+        return stream
 
     async def _admitted(
         self,
@@ -149,7 +160,7 @@ class Upstream:
         try:
             await self.admission.enter(deadline)
         except TimeoutError:
-            raise _late(self.alias, self._timeout_s) from None
+            raise late(self.alias, self._timeout_s) from None
         left = False
         try:
             result = await self._with_retries(request, once, deadline, patient)
@@ -180,10 +191,10 @@ class Upstream:
                 return await once(request, deadline)
             except (ModelUnreachable, ModelOverloaded) as error:
                 if patient and error.details.get("reason") == "loading":
-                    pause_s: float | None = _loading_pause_s(error, attempt)
+                    pause_s: float | None = loading_pause_s(error, attempt)
                 elif again < self.model.config.retries and self.budget.left >= 1.0:
                     again += 1
-                    pause_s = _pause_s(error, again)
+                    pause_s = retry_pause_s(error, again, self._again)
                 else:
                     pause_s = None
                 if pause_s is None or asyncio.get_running_loop().time() + pause_s >= deadline:
@@ -193,114 +204,84 @@ class Upstream:
             await asyncio.sleep(pause_s)
 
     async def _whole(self, request: list[Buffer], deadline: float, api: Api = "openai") -> Answer:
-        self._allowed()
-        try:
-            status, headers, body = await self._pool.whole(request, deadline, MAX_REPLY_BYTES)
-        except BrokenReply as broken:
-            raise self._broken(broken) from None
-        told = _told(headers)
-        if status != 200:
-            raise self._refused(status, body, told)
-        self.breaker.success()
-        return Answer(body, self._replies.said(api, body, told))
+        with self._call() as call:
+            try:
+                status, headers, body = await self._pool.whole(request, deadline, MAX_REPLY_BYTES)
+            except BrokenReply as broken:
+                raise self._broken(broken, call) from None
+            told = said_in(headers)
+            try:
+                if status != 200:
+                    raise self._replies.refusal(status, body, told)
+                said = self._replies.said(api, body, told)
+            except ModelError as error:
+                _learn(error, call)
+                raise
+            call.succeeded()
+            return Answer(self._replies.masked(body), said)
 
-    async def _stream(self, request: list[Buffer], deadline: float) -> Stream:
-        self._allowed()
+    async def _stream(self, request: list[Buffer], deadline: float, without_usage: bool) -> ChatStream:
+        call = self._call()
+        opened: Stream | ChatStream | None = None
+        begun = False
         try:
-            stream = await self._pool.stream(request, deadline)
-            told = _told(stream.headers)
-            if stream.status == 200 and told["Content-Type"].startswith("text/event-stream"):
-                self.breaker.success()
-                return stream
-            body = await stream.rest(deadline, MAX_REPLY_BYTES)
-        except BrokenReply as broken:
-            raise self._broken(broken) from None
-        if stream.status != 200:
-            raise self._refused(stream.status, body, told)
-        # an error inside a 200, a proxy's page, or a server that knows no streams
-        self._replies.said("openai", body, told)
-        raise self._replies.unreachable("it answers a stream with a single reply", "no_stream")
-
-    def _allowed(self) -> None:
-        if not self.breaker.allow():
-            message = (
-                f"model {self.alias!r} did not answer several times in a row; it is tried again in "
-                f"{self.breaker.wait_s:.1f} s"
+            stream = opened = await self._pool.stream(request, deadline)
+            told = said_in(stream.headers)
+            if stream.status != 200 or not told["Content-Type"].startswith("text/event-stream"):
+                raise self._no_stream(stream.status, await stream.rest(deadline, MAX_REPLY_BYTES), told)
+            opened = ChatStream(
+                stream,
+                self._replies,
+                call,
+                alias=self.alias,
+                timeout_s=self._timeout_s,
+                without_usage=without_usage,
             )
-            details: dict[str, object] = {"model": self.alias, "reason": "breaker_open"}
-            raise ModelUnreachable(message, details=details, headers={"Retry-After": "2"})
+            await opened.begin(deadline)
+            begun = True
+            return opened
+        except BrokenReply as broken:
+            raise self._broken(broken, call) from None
+        except ModelError as error:
+            _learn(error, call)
+            raise
+        finally:
+            if not begun:
+                if opened is not None:
+                    opened.close()
+                call.close()
 
-    def _broken(self, broken: BrokenReply) -> ServiceError:
-        self.breaker.failure()
+    def _no_stream(self, status: int, body: bytes, told: dict[str, str]) -> ModelError:
+        """What a reply is that is no stream: an error with its status or inside a 200, a proxy's page, or the answer of
+        a server that knows no streams."""
+        if status != 200:
+            return self._replies.refusal(status, body, told)
+        try:
+            self._replies.said("openai", body, told)
+        except ModelError as error:
+            return error
+        return self._replies.unreachable("it answers a stream with a single reply", "no_stream")
+
+    def _call(self) -> health.Call:
+        """A call to the server, where it is to be asked at all. Raises ModelUnreachable."""
+        caller = asking.get().name
+        if self.health.allow(caller):
+            return self.health.call(caller)
+        wait_s = self.health.wait_s(caller)
+        message = f"model {self.alias!r} did not answer several times in a row; it is tried again in {wait_s:.1f} s"
+        details: dict[str, object] = {"model": self.alias, "reason": "breaker_open"}
+        raise ModelUnreachable(message, details=details, headers={"Retry-After": "2"})
+
+    def _broken(self, broken: BrokenReply, call: health.Call) -> ModelError:
+        call.failed("server" if broken.reason in ("connect", "not_sent") else "request")
         if broken.reason == "late":
-            return _late(self.alias, self._timeout_s)
+            return late(self.alias, self._timeout_s)
         return self._replies.unreachable(str(broken), broken.reason)
 
-    def _refused(self, status: int, body: bytes, told: dict[str, str]) -> ServiceError:
-        if status >= 500 and status != 503:
-            self.breaker.failure()
-        else:
-            self.breaker.success()
-        return self._replies.refusal(status, body, told)
 
-
-class Opened:
-    """A stream of events under way; it holds its model's place until it is closed."""
-
-    def __init__(
-        self, stream: Stream, alias: str, replies: ReplyReader, timeout_s: float, admission: Admission
-    ) -> None:
-        self._stream = stream
-        self._alias = alias
-        self._replies = replies
-        self._timeout_s = timeout_s
-        self._admission: Admission | None = admission
-
-    async def piece(self) -> bytes:
-        """What has come since; empty at the end. Bounded in time between two pieces, not as a whole: long answers are
-        what streams are for. Raises ModelUnreachable or ModelTimeout."""
-        try:
-            return await self._stream.piece(asyncio.get_running_loop().time() + self._timeout_s)
-        except BrokenReply as broken:
-            if broken.reason == "late":
-                raise _late(self._alias, self._timeout_s) from None
-            raise self._replies.unreachable("the stream broke off", "cut") from None
-
-    def cut(self) -> ModelUnreachable:
-        """The error of a stream without its end."""
-        return self._replies.unreachable("the stream ended before its end", "cut")
-
-    def close(self) -> None:
-        """Break off what is left, or give back what is through."""
-        self._stream.close()
-        if self._admission is not None:
-            self._admission.leave()
-            self._admission = None
-
-
-def _told(headers: dict[bytes, bytes]) -> dict[str, str]:
-    """The headers that say something about the reply."""
-    kind, wait = headers.get(b"content-type", b""), headers.get(b"retry-after", b"")
-    return {"Content-Type": kind.decode("latin-1"), "Retry-After": wait.decode("latin-1")}
-
-
-def _late(alias: str, limit_s: float) -> ModelTimeout:
-    details: dict[str, object] = {"model": alias, "timeout_s": limit_s}
-    return ModelTimeout(f"model {alias!r} gave no answer within {limit_s:g} s", details=details)
-
-
-def _loading_pause_s(error: ServiceError, attempt: int) -> float:
-    """How long to wait for a server that is loading its model."""
-    wait_s = min(LONGEST_PAUSE_S, 0.2 * 2.0 ** min(attempt, 8))
-    return max(wait_s, float(error.details.get("retry_after_s", 0.0))) + random.uniform(0.05, 0.2)
-
-
-def _pause_s(error: ServiceError, again: int) -> float | None:
-    """How long to wait before asking again; None where that is no use."""
-    backoff_s = random.uniform(0.05, 0.2) * 2.0 ** (again - 1)
-    if isinstance(error, ModelOverloaded):
-        wait_s = float(error.details.get("retry_after_s", 0.0))
-        return wait_s + backoff_s if wait_s <= LONGEST_PAUSE_S else None
-    if error.details.get("reason") in ("connect", "no_reply") or error.details.get("upstream_status") == 502:
-        return backoff_s
-    return None
+def _learn(error: ModelError, call: health.Call) -> None:
+    """A server that refuses a request, or is busy, is alive."""
+    if isinstance(error, ModelUnreachable | ModelTimeout):
+        call.failed("request")
+    else:
+        call.succeeded()

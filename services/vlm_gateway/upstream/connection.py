@@ -1,42 +1,21 @@
 """One HTTP/1.1 connection and the exchange on it: what comes is a whole reply, or a stream of pieces, or is broken.
 
-BrokenReply               nothing usable came; `reason` says what went wrong
-  connect      no connection (refused, unknown name, TLS)
-  no_reply     the connection ended before the first byte of a reply
-  cut          ... in the middle of one
-  garbage      what came is not HTTP/1.1, or in an encoding that was not asked for
-  too_large    the head or the body is over its bound
-  late         the deadline passed
-
 Parsing is llhttp's (through httptools). What is ours is what the end of a connection means for a reply, and that
 nothing waits or grows without a bound.
 """
 
 import asyncio
+import select
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, cast
+from typing import Protocol, cast
 
 import httptools
+
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
 
 MAX_HEAD_BYTES = 64 * 1024
 HIGH_WATER_BYTES = 256 * 1024
 """A stream whose reader is slower than the server is not read beyond this."""
-
-Buffer = bytes | memoryview
-
-
-class BrokenReply(Exception):
-    def __init__(self, reason: str, what: str) -> None:
-        super().__init__(what)
-        self.reason = reason
-
-
-class Reply(NamedTuple):
-    """Header names are in lower case; of repeated headers the last one counts."""
-
-    status: int
-    headers: dict[bytes, bytes]
-    body: bytes
 
 
 class Home(Protocol):
@@ -45,43 +24,6 @@ class Home(Protocol):
     def opened(self, connection: "Connection") -> None: ...
     def left(self, connection: "Connection") -> None: ...
     def back(self, connection: "Connection") -> None: ...
-
-
-class Stream:
-    """A reply whose head has come. Read `piece()` until it is empty, or `close()` to break it off."""
-
-    def __init__(self, connection: "Connection", status: int, headers: dict[bytes, bytes]) -> None:
-        self._connection = connection
-        self._over = False
-        self.status = status
-        self.headers = headers
-
-    async def piece(self, deadline: float) -> bytes:
-        """What has come since, at least one byte; empty at the reply's end. Raises BrokenReply."""
-        if self._over:
-            return b""
-        piece = await self._connection.piece(deadline)
-        if not piece:
-            self._over = True
-            self._connection.release()
-        return piece
-
-    async def rest(self, deadline: float, max_bytes: int) -> bytes:
-        """All that is left. Raises BrokenReply."""
-        pieces, size = [], 0
-        while piece := await self.piece(deadline):
-            pieces.append(piece)
-            size += len(piece)
-            if size > max_bytes:
-                self.close()
-                raise BrokenReply("too_large", f"the reply is over {max_bytes} bytes")
-        return b"".join(pieces)
-
-    def close(self) -> None:
-        """Let go of the connection; it is kept for others where the reply had ended."""
-        if not self._over:
-            self._over = True
-            self._connection.release()
 
 
 class Connection(asyncio.Protocol):
@@ -99,6 +41,8 @@ class Connection(asyncio.Protocol):
         self._broken: BrokenReply | None = None
         self._busy = False
         self._paused = False
+        self._unsent = False
+        self._poll = select.poll()
         self.idle_since = 0.0
         self._begin()
 
@@ -121,6 +65,7 @@ class Connection(asyncio.Protocol):
         self._begin()
         self._busy = True
         self._max_bytes = max_bytes
+        self._unsent = False
         self._transport.writelines(request)
         reply = await self._wait(deadline)
         return Stream(self, self.status, self.headers) if reply is None else reply
@@ -152,6 +97,11 @@ class Connection(asyncio.Protocol):
 
     def is_closing(self) -> bool:
         return self._transport is None or self._transport.is_closing()
+
+    def is_fresh(self) -> bool:
+        """Whether a connection between two exchanges can still be used. What the server did to it since the loop last
+        looked at its socket counts too: it mustn't be found out by a request that can't be sent again."""
+        return not self.is_closing() and not self._poll.poll(0)
 
     def leave(self) -> None:
         """Close at once, whatever is under way."""
@@ -214,6 +164,8 @@ class Connection(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
+        self._transport.set_write_buffer_limits(high=0)  # so that `resume_writing` says when all is on its way
+        self._poll.register(transport.get_extra_info("socket").fileno(), select.POLLIN)
         self._home.opened(self)
 
     def data_received(self, data: bytes) -> None:
@@ -237,6 +189,12 @@ class Connection(asyncio.Protocol):
             elif not self._head_seen and self._head_bytes > MAX_HEAD_BYTES:
                 self._fail(BrokenReply("too_large", f"the reply's head is over {MAX_HEAD_BYTES} bytes"))
 
+    def pause_writing(self) -> None:
+        self._unsent = True
+
+    def resume_writing(self) -> None:
+        self._unsent = False
+
     def eof_received(self) -> bool:
         return False  # and with that the transport closes and connection_lost tells
 
@@ -248,6 +206,8 @@ class Connection(asyncio.Protocol):
         if self._until_end and self._head_seen and error is None:
             self._finish()
             self._busy = False
+        elif self._head_bytes == 0 and self._unsent:
+            self._fail(BrokenReply("not_sent", "the connection ended before the request was through"))
         elif self._head_bytes == 0:
             self._fail(BrokenReply("no_reply", "the connection ended before a reply"))
         else:

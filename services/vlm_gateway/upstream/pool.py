@@ -6,7 +6,8 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from services.vlm_gateway.upstream.connection import BrokenReply, Buffer, Connection, Reply, Stream
+from services.vlm_gateway.upstream.connection import Connection
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
 
 IDLE_S = 4.0
 """Connections unused for longer are not used again: common servers close theirs after 5 s."""
@@ -24,8 +25,13 @@ class Server(NamedTuple):
 class Pool:
     """Connections to one server, the most recently used first. Deadlines are of the event loop's clock."""
 
-    def __init__(self, server: Server, *, connect_timeout_s: float = 3.0, idle_s: float = IDLE_S) -> None:
+    def __init__(
+        self, server: Server, *, connect_timeout_s: float = 3.0, idle_s: float = IDLE_S, resend_unanswered: bool = False
+    ) -> None:
+        """`resend_unanswered`: a request that was written to a kept connection, and to which the server closed without
+        a word, is sent again. It may have been read, and would then be answered twice."""
         self.server = server
+        self._resend = ("not_sent", "no_reply") if resend_unanswered else ("not_sent",)
         self._connect_timeout_s = connect_timeout_s
         self._idle_s = idle_s
         self._idle: deque[Connection] = deque()
@@ -62,9 +68,7 @@ class Pool:
             try:
                 return await connection.send(request, deadline, max_bytes)
             except BrokenReply as broken:
-                # The server closed a kept connection as we wrote to it: the request is as good as not sent. On a
-                # connection of its own the same end says something about the server, and is told.
-                if broken.reason != "no_reply":
+                if broken.reason not in self._resend:
                     raise
         return await (await self._connected(deadline)).send(request, deadline, max_bytes)
 
@@ -72,7 +76,7 @@ class Pool:
         now = asyncio.get_running_loop().time()
         while self._idle:
             connection = self._idle.pop()
-            if now - connection.idle_since < self._idle_s and not connection.is_closing():
+            if now - connection.idle_since < self._idle_s and connection.is_fresh():
                 return connection
             connection.leave()
             while self._idle:  # whatever lies below was left earlier still

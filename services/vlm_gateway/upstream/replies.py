@@ -1,8 +1,7 @@
 """What a model server sent, read: a completion, or the typed error it stands for. Nothing here touches the network.
 
-Servers differ most where things go wrong. What is read as an error: a status over 399; `{"error": ...}` inside a 200,
-as an object (OpenAI, OpenRouter, llama.cpp) or a bare string (LM Studio, Ollama); `{"object": "error"}` (vLLM until
-2025); an error inside a choice (OpenRouter, where the model failed half way); `{"detail": ...}` (servers on FastAPI).
+Servers differ most where things go wrong. What is read as an error: a status over 399, also with `{"detail": ...}`
+(servers on FastAPI), and what `error_forms.py` finds inside a 200.
 """
 
 import email.utils
@@ -14,30 +13,41 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic_core import from_json
 
-from service_kit.errors import ServiceError
-from services.vlm_gateway.errors import ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
+from services.vlm_gateway.errors import (
+    CONTEXT_LENGTH,
+    ModelError,
+    ModelMisconfigured,
+    ModelNotFound,
+    ModelOverloaded,
+    ModelRateLimited,
+    ModelRejected,
+    ModelTimeout,
+    ModelUnreachable,
+)
+from services.vlm_gateway.upstream.error_forms import CONTEXT, DECLINED, error_inside, status_inside
 
 Api = Literal["openai", "ollama"]
 
 _LOADING = {503: re.compile(r"\b(?:loading|starting|warming)\b", re.IGNORECASE)}
 _LOADING[500] = re.compile(r"\bloading (?:the )?model\b", re.IGNORECASE)
-_DECLINED = re.compile(
-    r"content[_ ]?(?:filter|policy)|data_?inspection|moderation|flagged|safety (?:system|settings|filter)",
-    re.IGNORECASE,
-)
 _STRUCTURE = re.compile(
     r"response_format|json_schema|json_object|structured_output|structured output|guided_|grammar|invalid format|"
     r"\bschema\b|no endpoints found that (?:can handle|support)",
     re.IGNORECASE,
 )
 _TRACE = re.compile(r"\s*(?:File \"|Traceback \().*", re.DOTALL)  # some servers tell where on their disk it went wrong
-_WAYS = {
-    401: "check its api_key",
-    402: "its account has no credit",
-    403: "check its api_key",
-    404: "check its base_url and model name",
-    413: "send smaller pictures: lower its max_pixels",
+_CODE = re.compile(r"[A-Za-z][\w.\-]{0,63}")
+_MISCONFIGURED = {
+    401: ("server_key", "check its api_key"),
+    402: ("server_account", "its account has no credit"),
+    403: ("server_key", "check its api_key"),
+    404: ("server_address", "check its base_url"),
+    405: ("server_address", "check its base_url"),
+    407: ("server_address", "a proxy in between wants to be told who asks"),
 }
+"""What the gateway's operator has got wrong, by the server's status."""
+MAX_WORDS = 500
+_NO_SECRET = b"\x00 no key has this in it"
 
 
 class Spent(NamedTuple):
@@ -61,6 +71,7 @@ class ReplyReader:
     def __init__(self, alias: str, secret: str | None) -> None:
         self._alias = alias
         self._secret = secret
+        self._secret_bytes = secret.encode() if secret else _NO_SECRET
 
     def said(self, api: Api, body: bytes, headers: Mapping[str, str]) -> Said:
         """What a 200 holds. Raises ModelUnreachable where it is no chat completion, or the error it really is."""
@@ -71,69 +82,135 @@ class ReplyReader:
             raise self.unreachable(f"the reply is no JSON ({kind}, {len(body)} bytes)", "not_json") from None
         if not isinstance(reply, dict):
             raise self.unreachable("the reply is no JSON object", "not_json")
-        if (error := _error_inside(reply)) is not None:
-            raise self.refusal(_status_inside(error), body, headers)
+        if (error := error_inside(reply)) is not None:
+            raise self.error(error, headers)
         said = _ollama(reply) if api == "ollama" else _openai(reply)
         if said is None:
             raise self.unreachable("the reply is no chat completion", "no_completion")
         return said
 
-    def refusal(self, status: int, body: bytes, headers: Mapping[str, str]) -> ServiceError:
+    def refusal(self, status: int, body: bytes, headers: Mapping[str, str]) -> ModelError:
         """The typed error of an error reply. `details.reason` tells apart what the gateway acts on: `loading` is
         waited for, `declined` is the model's refusal, `structure` is asked again in words only."""
+        try:
+            reply = json.loads(body)
+        except (ValueError, RecursionError):
+            reply = None  # HTML pages of proxies tell nobody anything
+        return self._typed(status, self._words(reply), headers)
+
+    def error(self, error: object, headers: Mapping[str, str]) -> ModelError:
+        """The typed error of an error inside a 200, or inside a stream."""
+        return self._typed(status_inside(error), self._words({"error": error}), headers)
+
+    def _typed(self, status: int, words: "_Words", headers: Mapping[str, str]) -> ModelError:
         details: dict[str, Any] = {"model": self._alias, "upstream_status": status}
-        said, kind = self._words(body)
-        if said:
-            details["upstream_message"] = said
+        if words.said:
+            details["upstream_message"] = words.said
         if status in (408, 504):
             message = f"the server of model {self._alias!r} says it took too long ({status})"
             return ModelTimeout(message, details=details)
-        loading = status in _LOADING and bool(_LOADING[status].search(said))
+        loading = status in _LOADING and bool(_LOADING[status].search(words.said))
         if status in (429, 503, 529) or loading:
-            wait_s = retry_after_s(headers.get("Retry-After"))
-            if wait_s is not None:
-                details["retry_after_s"] = round(wait_s, 3)
-            if loading:
-                details["reason"] = "loading"
-            state = "still loading" if loading else "overloaded"
-            message = f"the server of model {self._alias!r} is {state} ({status})"
-            return ModelOverloaded(message, retry_after_s=wait_s or 1.0, details=details)
-        if status == 500 and "validation error" in said and _STRUCTURE.search(said):
-            status = 501  # llama-cpp-python's way to say that it does not know a field's value
+            return self._overloaded(status, loading, words, headers, details)
+        if status == 500 and "validation error" in words.said and _STRUCTURE.search(words.said):
+            status = 400  # llama-cpp-python's way to say that it does not know a field's value
         if 400 <= status < 500 or status == 501:
-            if _DECLINED.search(kind) or (status in (400, 403) and _DECLINED.search(said)):
-                details["reason"] = "declined"
-            elif status in (400, 404, 422, 501) and _STRUCTURE.search(said):
-                details["reason"] = "structure"
-            way = _WAYS.get(status, "see upstream_message")
-            message = f"the server of model {self._alias!r} refuses the request ({status}); {way}"
-            return ModelRejected(message, details=details)
+            return self._rejected(status, words, details)
         details["reason"] = "status"
         return ModelUnreachable(f"the server of model {self._alias!r} answers with {status}", details=details)
+
+    def _overloaded(
+        self, status: int, loading: bool, words: "_Words", headers: Mapping[str, str], details: dict[str, Any]
+    ) -> ModelOverloaded:
+        wait_s = retry_after_s(headers.get("Retry-After"))
+        if wait_s is not None:
+            details["retry_after_s"] = round(wait_s, 3)
+        if status == 429:
+            message = f"the server of model {self._alias!r} takes no more requests of this account for now (429)"
+            limits = {name: value for name, value in headers.items() if name.startswith("x-ratelimit-")}
+            return ModelRateLimited(
+                f"{message}: {words.said}" if words.said else message,
+                retry_after_s=wait_s or 1.0,
+                code=words.code,
+                details=details,
+                headers=limits,
+            )
+        if loading:
+            details["reason"] = "loading"
+        state = "still loading" if loading else "overloaded"
+        message = f"the server of model {self._alias!r} is {state} ({status})"
+        return ModelOverloaded(message, retry_after_s=wait_s or 1.0, details=details)
+
+    def _rejected(self, status: int, words: "_Words", details: dict[str, Any]) -> ModelRejected:
+        """A request that is refused: the caller's fault with the server's own status, or the operator's."""
+        declined = DECLINED.search(words.kind) or (status in (400, 403) and DECLINED.search(words.said))
+        if declined:
+            details["reason"] = "declined"
+        elif status in (400, 404, 422, 501) and _STRUCTURE.search(words.said):
+            details["reason"] = "structure"
+        message = f"the server of model {self._alias!r} refuses the request ({status})"
+        told = f"{message}: {words.said}" if words.said else message
+        if status in _MISCONFIGURED and not declined and not (status == 404 and words.said_by_model):
+            reason, way = _MISCONFIGURED[status]
+            return ModelMisconfigured(f"{message}; {way}", details={**details, "reason": details.get("reason", reason)})
+        if status == 404:
+            return ModelNotFound(told, code=words.code, details=details)
+        if declined:
+            return ModelRejected(told, code=words.code or "content_filter", details=details)
+        code = CONTEXT_LENGTH if CONTEXT.search(words.said) else words.code
+        # a server that does not implement what was asked for is told in the caller's terms: the request can't be met
+        return ModelRejected(told, code=code, status=400 if status == 501 else status, details=details)
 
     def unreachable(self, what: str, reason: str) -> ModelUnreachable:
         message = f"model {self._alias!r} can't be reached: {what}"
         return ModelUnreachable(message, details={"model": self._alias, "reason": reason})
 
-    def _words(self, body: bytes) -> tuple[str, str]:
-        """The server's own words, short and never with our key in them, and what it calls the error."""
-        try:
-            reply = json.loads(body)
-        except (ValueError, RecursionError):
-            return "", ""  # HTML pages of proxies tell nobody anything
+    def masked(self, text: bytes) -> bytes:
+        """`text` without the server's key: servers repeat it in their error messages."""
+        return text.replace(self._secret_bytes, b"***") if self._secret_bytes in text else text
+
+    def _words(self, reply: object) -> "_Words":
+        """The server's own words, never with our key in them, short, and what it calls the error."""
         if not isinstance(reply, dict):
-            return "", ""
-        error = _error_inside(reply)
+            return _Words()
+        error = error_inside(reply)
+        by_model = error is not None
         error = reply if error is None else error
         text: object = error
-        kind = ""
+        kind, code = "", None
         if isinstance(error, dict):
             text = error.get("message") or error.get("detail")
             kind = f"{error.get('type')} {error.get('code')}"
+            code = error.get("code")
         if isinstance(text, list):  # FastAPI's list of problems
             text = "; ".join(str(one.get("msg")) for one in text if isinstance(one, dict))
-        said = _TRACE.sub("", text)[:500] if isinstance(text, str) else ""
-        return (said.replace(self._secret, "***") if self._secret else said), kind
+        if not isinstance(text, str):
+            return _Words(kind=kind)
+        whole = text.replace(self._secret, "***") if self._secret else text
+        fits = isinstance(code, str) and _CODE.fullmatch(code) is not None and code != self._secret
+        return _Words(_TRACE.sub("", whole)[:MAX_WORDS], kind, code if fits else None, by_model)
+
+
+class _Words(NamedTuple):
+    """What a server says of an error: its words, its type and code in one, its code where it is a word, and whether the
+    error is in a form that model servers use (a framework's own 404 is not)."""
+
+    said: str = ""
+    kind: str = ""
+    code: str | None = None
+    said_by_model: bool = False
+
+
+def said_in(headers: Mapping[bytes, bytes]) -> dict[str, str]:
+    """The headers that say something about a reply."""
+    said = {
+        "Content-Type": headers.get(b"content-type", b"").decode("latin-1"),
+        "Retry-After": headers.get(b"retry-after", b"").decode("latin-1"),
+    }
+    for name, value in headers.items():
+        if name.startswith(b"x-ratelimit-"):
+            said[name.decode("latin-1")] = value.decode("latin-1")
+    return said
 
 
 def tokens_of(usage: object) -> Spent:
@@ -189,35 +266,3 @@ def _text(value: object) -> str | None:
 def _tokens(*counts: object) -> Spent:
     prompt, completion = (n if isinstance(n, int) and not isinstance(n, bool) and n >= 0 else 0 for n in counts)
     return Spent(prompt, completion)
-
-
-def _error_inside(reply: dict[str, Any]) -> object:
-    """The error that a reply holds, or None."""
-    if reply.get("error"):
-        return reply["error"]
-    if reply.get("object") == "error":
-        return reply
-    choices = reply.get("choices")
-    if isinstance(choices, list):
-        first = choices[0] if choices and isinstance(choices[0], dict) else {}
-        return first.get("error") or None
-    if isinstance(reply.get("code"), (str, int)) and isinstance(reply.get("message"), str):
-        return reply  # DashScope's own form, with neither choices nor `error`
-    return None
-
-
-def _status_inside(error: object) -> int:
-    """The status that an error inside a 200 stands for."""
-    if isinstance(error, dict):
-        for name in ("code", "status", "status_code"):
-            value = error.get(name)
-            if isinstance(value, int) and 400 <= value <= 599:
-                return value
-            if isinstance(value, str) and value.isdigit() and 400 <= int(value) <= 599:
-                return int(value)
-        words = f"{error.get('type')} {error.get('code')}".lower()
-        if "rate" in words or "overload" in words or "unavailable" in words or "throttl" in words:
-            return 503
-        if "invalid" in words or "auth" in words or _DECLINED.search(words):
-            return 400
-    return 500

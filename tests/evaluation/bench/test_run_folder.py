@@ -50,6 +50,15 @@ def test_a_result_is_there_for_the_next_session(tmp_path: Path) -> None:
     assert [r.task for r in read_records(tmp_path)] == ["t-1", "t-3"]
 
 
+def test_the_same_set_from_another_path_goes_on(tmp_path: Path) -> None:
+    with RunFolder(tmp_path, settings(tasks="mine.jsonl"), TASKS) as first:
+        first.add(record(TASKS[0]), 1.0)
+    with RunFolder(tmp_path, settings(tasks="/elsewhere/mine.jsonl"), TASKS) as again:
+        assert len(again.pending) == 3
+    with pytest.raises(BadFolder, match="checksum"):
+        RunFolder(tmp_path, settings(checksum="1" * 64), TASKS)
+
+
 @pytest.mark.parametrize("kept", [0, 1, 40])
 def test_a_line_cut_off_by_a_kill_is_flown_again(tmp_path: Path, kept: int) -> None:
     with RunFolder(tmp_path, settings(), TASKS) as first:

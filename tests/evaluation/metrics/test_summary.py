@@ -4,7 +4,8 @@ import json
 
 import pytest
 
-from evaluation.metrics.summary import compare, summarize
+from evaluation.metrics.comparison import compare
+from evaluation.metrics.summary import summarize
 from tests.evaluation.evaluation_kit import a_record, a_result, a_task, a_verdict, delivered
 
 TASKS = {f"t-{i}": a_task(f"t-{i}") for i in range(4)}
@@ -63,10 +64,10 @@ def test_a_record_twice_or_of_another_set_is_refused() -> None:
 def test_two_runs_are_compared_on_the_tasks_that_both_flew() -> None:
     tasks = {f"t-{i}": a_task(f"t-{i}") for i in range(16)}
     lost = a_result("object_not_found")
-    first = [a_record(task, delivered()) for task in tasks.values()]
-    second = [a_record(task, delivered() if i < 2 else lost) for i, task in enumerate(tasks.values()) if i < 12]
-    found = compare(tasks, first, second)
-    assert (found.tasks, found.both, found.only_first, found.only_second, found.neither) == (12, 2, 10, 0, 0)
+    run = [a_record(task, delivered()) for task in tasks.values()]
+    baseline = [a_record(task, delivered() if i < 2 else lost) for i, task in enumerate(tasks.values()) if i < 12]
+    found = compare(tasks, run, baseline)
+    assert (found.tasks, found.both, found.only_run, found.only_baseline, found.neither) == (12, 2, 10, 0, 0)
     # ten fair coins all on one side: 2 / 2^10
     assert found.success_p == pytest.approx(2 / 1024)
     assert found.success.mean == pytest.approx(10 / 12)
@@ -80,9 +81,9 @@ def test_a_handful_of_tasks_gives_a_difference_but_no_interval() -> None:
     found = compare(TASKS, RECORDS, RECORDS)
     assert found.tasks == 3
     assert found.spl.mean == 0.0
-    assert (found.spl.low, found.spl.high, found.spl.p) == (None, None, None)
+    assert (found.spl.low, found.spl.high, found.spl_p) == (None, None, None)
 
 
 def test_runs_without_a_task_in_common_tell_nothing() -> None:
     found = compare(TASKS, RECORDS[:1], RECORDS[1:2])
-    assert (found.tasks, found.success_p, found.success.mean, found.spl.p) == (0, 1.0, None, None)
+    assert (found.tasks, found.success_p, found.success.mean, found.spl_p) == (0, 1.0, None, None)

@@ -8,6 +8,10 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from command_line.main import app
+from evaluation.report.comparison import same_tasks
+from evaluation.report.page import build_page
+from evaluation.report.runs import load_runs
+from evaluation.task_set.task import Task
 from tests.evaluation.evaluation_kit import a_record, a_result, a_run, a_task, a_verdict, delivered
 
 TASKS = [a_task(f"t-{i:02d}") for i in range(12)]
@@ -40,7 +44,7 @@ def test_each_run_is_tested_against_the_first_on_the_tasks_of_both(arms: list[Pa
     assert first["against_first"] is None
     assert (first["summary"]["success"]["k"], second["summary"]["success"]["k"]) == (6, 6)
     test = second["against_first"]
-    assert (test["tasks"], test["both"], test["only_first"], test["only_second"], test["neither"]) == (10, 2, 4, 4, 0)
+    assert (test["tasks"], test["both"], test["only_run"], test["only_baseline"], test["neither"]) == (10, 2, 4, 4, 0)
     assert test["success_p"] == 1.0
     assert test["success"]["mean"] == 0.0
 
@@ -52,9 +56,48 @@ def test_a_gain_over_the_first_is_positive(tmp_path: Path) -> None:
         "--json",
     )
     test = json.loads(shown.stdout)["arms"][1]["against_first"]
-    assert (test["only_first"], test["only_second"]) == (11, 0)
+    assert (test["only_run"], test["only_baseline"]) == (11, 0)
     assert test["success_p"] == pytest.approx(2 / 2**11)
     assert test["spl"]["low"] > 0
+
+
+def test_a_pair_has_the_same_signs_in_compare_and_in_the_report(tmp_path: Path) -> None:
+    worse, better = flown(tmp_path / "a", {1}), flown(tmp_path / "b", set(range(12)), choice="centre")
+    gained = json.loads(asked(worse, better, "--json").stdout)["arms"][1]["against_first"]
+    cells = asked(worse, better, "--markdown").stdout.splitlines()[3].split(" | ")
+    page = build_page(load_runs([worse, better]))
+    line = page[page.index('id="compared"') :].split("<tr>")[2].partition("</tr>")[0]
+    assert gained["success"]["mean"] > 0
+    assert gained["spl"]["mean"] > 0
+    assert cells[9].startswith("+")
+    assert cells[9] in line
+    assert line.index("key r1") < line.index("key r0")
+    lost = json.loads(asked(better, worse, "--json").stdout)["arms"][1]["against_first"]
+    assert lost["spl"]["mean"] == -gained["spl"]["mean"]
+
+
+def test_success_has_one_test_and_its_difference_an_interval(arms: list[Path]) -> None:
+    test = json.loads(asked(*arms, "--json").stdout)["arms"][1]["against_first"]
+    assert set(test["success"]) == {"mean", "low", "high"}
+    assert (test["success_p"], 0.0 <= test["spl_p"] <= 1.0) == (1.0, True)
+
+
+def named(prefix: str) -> list[Task]:
+    """Twelve tasks that differ, drawn under a name."""
+    return [a_task(f"{prefix}-{i:02d}", seed=i, floor=2 + i % 3) for i in range(12)]
+
+
+def test_a_set_is_known_by_its_tasks_whatever_it_was_called(tmp_path: Path) -> None:
+    first = a_run(tmp_path / "a", named("mine"), [a_record(task, delivered()) for task in named("mine")])
+    other = named("s5")
+    lost = [a_record(task, delivered() if i < 3 else a_result("object_not_found")) for i, task in enumerate(other)]
+    test = json.loads(asked(first, a_run(tmp_path / "b", other, lost), "--json").stdout)["arms"][1]["against_first"]
+    assert (test["tasks"], test["both"], test["only_baseline"]) == (12, 3, 9)
+
+
+def test_a_task_that_is_in_a_set_twice_is_paired_once() -> None:
+    pairs = same_tasks({"a": "x", "b": "x", "c": "y"}, {"b": "x", "d": "x", "e": "x", "f": "z"})
+    assert pairs == {"b": "b", "d": "a"}
 
 
 def test_the_table_has_a_line_an_arm(arms: list[Path]) -> None:

@@ -55,7 +55,7 @@ FAULTS = [
     Fault("no choices at all", whole({"id": "x"}), 503, "model_unreachable", "no_completion"),
     Fault("429 with a long Retry-After", status(429, retry_after="90"), 503, "model_overloaded"),
     Fault("400", status(400, message="too many pictures"), 502, "model_rejected"),
-    Fault("wrong key", status(401), 502, "model_rejected"),
+    Fault("wrong key", status(401), 502, "model_rejected", "server_key"),
     Fault("refusal in words", says("I'm sorry, but I can't help with that."), 200, outcome="refused"),
     Fault("refusal in its field", says(None, refusal="I won't look at this."), 200, outcome="refused"),
     Fault("content filter", says("", finish_reason="content_filter"), 200, outcome="refused"),

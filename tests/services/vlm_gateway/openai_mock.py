@@ -105,7 +105,7 @@ def cuts(body: bytes, *, kind: str = "application/json", length: int | None = No
 
 
 def streams(*words: str, done: bool = True, pause_s: float = 0.0, cut: bool = False) -> Behaviour:
-    """Sends each word as an event; ends with [DONE] if `done`, by dropping the connection if `cut`."""
+    """Sends each word as an event; ends as servers do if `done`, by dropping the connection if `cut`."""
 
     async def behave(request: web.Request, _: dict[str, Any]) -> web.StreamResponse:
         response = web.StreamResponse(headers={"Content-Type": "text/event-stream"})
@@ -115,7 +115,8 @@ def streams(*words: str, done: bool = True, pause_s: float = 0.0, cut: bool = Fa
             await response.write(b"data: " + json.dumps(event).encode() + b"\n\n")
             await asyncio.sleep(pause_s)
         if done:
-            await response.write(b"data: [DONE]\n\n")
+            last = {"object": "chat.completion.chunk", "choices": [{"index": 0, "delta": {}, "finish_reason": "stop"}]}
+            await response.write(b"data: " + json.dumps(last).encode() + b"\n\ndata: [DONE]\n\n")
         if cut:
             assert request.transport is not None
             request.transport.close()

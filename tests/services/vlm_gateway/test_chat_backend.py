@@ -156,7 +156,7 @@ FAULTS = [
     ("error in a 200", sends(b'{"error": {"message": "boom"}}'), ModelUnreachable, "status"),
     ("429 in a 200", sends(b'{"error": {"message": "slow down", "code": 429}}'), ModelOverloaded, None),
     ("bad request", status(400, message="image too big"), ModelRejected, None),
-    ("wrong key", status(401), ModelRejected, None),
+    ("wrong key", status(401), ModelRejected, "server_key"),
     ("unknown model", status(404), ModelRejected, None),
     ("gateway timeout", status(504), ModelTimeout, None),
     ("rate limited for long", status(429, retry_after="90"), ModelOverloaded, None),

@@ -116,12 +116,12 @@ FAULTS = [
     Fault(
         "429, Retry-After: 60",
         (status(429, retry_after="60"),),
-        503,
-        "model_overloaded",
+        429,
+        "rate_limit_exceeded",
         "its Retry-After too",
     ),
     Fault("502 once", (status(502), says("hello")), 200, "answered", "asked again"),
-    Fault("400", (status(400, message="context too long"),), 502, "model_rejected", "with the server's words"),
+    Fault("400", (status(400, message="bad picture"),), 400, "model_rejected", "with the server's words and its code"),
 ]
 
 

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import pytest
 
-from services.vlm_gateway.upstream.connection import MAX_HEAD_BYTES, BrokenReply, Reply
+from services.vlm_gateway.upstream.connection import MAX_HEAD_BYTES
+from services.vlm_gateway.upstream.http_reply import BrokenReply, Reply
 from services.vlm_gateway.upstream.pool import Pool, Server
 
 HELLO = b"HTTP/1.1 200 OK\r\ncontent-length: 5\r\n\r\nhello"
@@ -160,8 +161,11 @@ async def test_a_server_that_says_close_is_not_written_to_again() -> None:
         assert peer.pool.idle == 0
 
 
+@pytest.mark.parametrize("resend", [False, True])
 @pytest.mark.parametrize("abruptly", [False, True])
-async def test_a_kept_connection_that_ends_as_we_write_to_it_costs_nobody_an_error(abruptly: bool) -> None:
+async def test_a_request_that_was_read_and_not_answered_is_sent_again_only_where_that_is_configured(
+    abruptly: bool, resend: bool
+) -> None:
     async def handle(visitor: Visitor) -> None:
         await visitor.request()
         await visitor.say(HELLO)
@@ -173,8 +177,54 @@ async def test_a_kept_connection_that_ends_as_we_write_to_it_costs_nobody_an_err
         await visitor.reader.read()
 
     async with server(handle) as peer:
-        assert [(await peer.ask()).body for _ in range(2)] == [b"hello"] * 2
+        pool = Pool(peer.pool.server, resend_unanswered=resend)
+        asked = Peer(pool, peer.visitors)
+        assert (await asked.ask()).body == b"hello"
+        if resend:
+            assert (await asked.ask()).body == b"hello"
+            assert len(peer.visitors) == 2
+        else:
+            with pytest.raises(BrokenReply) as broken:
+                await asked.ask()
+            assert broken.value.reason == "no_reply"
+            assert len(peer.visitors) == 1
+        pool.close()
+
+
+async def test_a_request_that_could_not_be_written_in_full_is_sent_again() -> None:
+    large = [REQUEST[0].replace(b"2", b"9000000"), b"x" * 9_000_000]
+
+    async def handle(visitor: Visitor) -> None:
+        await visitor.request()
+        if visitor.number == 0:
+            await visitor.say(HELLO)
+            await visitor.reader.readuntil(b"\r\n\r\n")
+            visitor.reset()  # in the middle of the second request
+            return
+        await visitor.reader.readexactly(9_000_000 - 2)
+        await visitor.say(HELLO)
+
+    async with server(handle) as peer:
+        assert (await peer.ask()).body == b"hello"
+        reply = await peer.pool.whole(large, asyncio.get_running_loop().time() + 20, MANY)
+        assert reply.body == b"hello"
         assert len(peer.visitors) == 2
+
+
+async def test_a_server_that_closes_between_two_requests_costs_nobody_an_error() -> None:
+    closed = asyncio.Event()
+
+    async def handle(visitor: Visitor) -> None:
+        await visitor.request()
+        await visitor.say(HELLO)
+        if visitor.number == 0:
+            visitor.writer.close()
+            closed.set()
+
+    async with server(handle) as peer:
+        for _ in range(20):
+            assert (await peer.ask()).body == b"hello"
+        assert closed.is_set()
 
 
 async def test_a_kept_connection_that_was_closed_meanwhile_is_not_used() -> None:

@@ -1,0 +1,72 @@
+"""Two runs on the same tasks. Differences are always the run less its baseline: a positive one is the run's gain."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from contracts.base import Wire
+from evaluation.metrics.episode import EpisodeRecord
+from evaluation.metrics.paired import Difference, mcnemar, paired_bootstrap
+from evaluation.metrics.spl import spl
+from evaluation.metrics.summary import check_records, horizontal
+from evaluation.task_set.task import Task
+
+BOOTSTRAP_SEED = 20_250
+FEWEST_FOR_BOOTSTRAP = 10
+"""Resampling a handful of tasks shows nothing but that handful: below this only the mean is given."""
+
+
+class Change(Wire):
+    """The run less its baseline, with the paired bootstrap's 95 % interval; all null without tasks in common, all but
+    the mean for fewer than `FEWEST_FOR_BOOTSTRAP`."""
+
+    mean: float | None
+    low: float | None
+    high: float | None
+
+
+class Comparison(Wire):
+    """A run and its baseline on the tasks that both flew. `only_*`: tasks that one of them alone solved. One test a
+    figure: `success_p` is McNemar's, exact; `spl_p` the paired bootstrap's, of horizontal SPL, null where `spl` has no
+    interval."""
+
+    tasks: int
+    both: int
+    only_run: int
+    only_baseline: int
+    neither: int
+    success: Change
+    success_p: float
+    spl: Change
+    spl_p: float | None
+
+
+def compare(tasks: Mapping[str, Task], run: Sequence[EpisodeRecord], baseline: Sequence[EpisodeRecord]) -> Comparison:
+    """The paired tests over the tasks in both. Raises ValueError for a record of a task that is not among `tasks`, and
+    for two records of one."""
+    check_records(tasks, run)
+    check_records(tasks, baseline)
+    a, b = ({record.task: record for record in records} for records in (run, baseline))
+    shared = sorted(a.keys() & b.keys())
+    won = [[records[name].success for name in shared] for records in (a, b)]
+    efficient = [[spl([horizontal(tasks[name], records[name])]) or 0.0 for name in shared] for records in (a, b)]
+    test = mcnemar(won[0], won[1])
+    rng = np.random.default_rng(BOOTSTRAP_SEED)
+    both = sum(x and y for x, y in zip(*won, strict=True))
+    success, efficiency = (paired_bootstrap(first, second, rng) for first, second in (won, efficient))
+    enough = len(shared) >= FEWEST_FOR_BOOTSTRAP
+    return Comparison(
+        tasks=len(shared),
+        both=both,
+        only_run=test.only_first,
+        only_baseline=test.only_second,
+        neither=len(shared) - both - test.only_first - test.only_second,
+        success=_change(success, enough),
+        success_p=test.p,
+        spl=_change(efficiency, enough),
+        spl_p=efficiency.p if enough else None,
+    )
+
+
+def _change(found: Difference, enough: bool) -> Change:
+    return Change(mean=found.mean, low=found.low if enough else None, high=found.high if enough else None)

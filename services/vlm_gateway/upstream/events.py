@@ -1,0 +1,225 @@
+"""Server-sent events of a chat, cut at their ends and read for what they say.
+
+An event ends at an empty line, whatever the server ends its lines with (LF, CRLF or CR), wherever the network cuts it,
+and however long it is. What is read of it: words, tool calls, why the answer ends, what it cost, and errors in every
+form that servers send them in: `{"error": ...}`, an object of kind `error`, an event named `error`, a line `error:`.
+"""
+
+import re
+from collections.abc import Iterator
+from typing import Any, Literal
+
+from jiter import from_json
+from pydantic_core import to_json
+
+from services.vlm_gateway.upstream.error_forms import error_inside
+from services.vlm_gateway.upstream.replies import Spent, tokens_of
+
+MAX_EVENT_BYTES = 8 * 1024 * 1024
+CHARACTERS_A_TOKEN = 4
+MOST_CHARACTERS_A_TOKEN = 8
+"""An event with more than this holds several tokens."""
+
+_EMPTY_LINE = re.compile(rb"(?>\r\n|\n|\r)(?>\r\n|\n|\r)")
+_LINE_END = re.compile(rb"\r\n|\n|\r")
+_NO_USAGE = re.compile(rb',\s*"usage"\s*:\s*null(?=\s*[,}])')
+_WORDS = ("content", "text")
+_REASONING = ("reasoning_content", "reasoning", "reasoning_details", "thinking", "images", "audio")
+_CALLS = ("tool_calls", "function_call")
+_ENDINGS = frozenset({"stop", "tool_calls", "function_call", "length", "eos_token", "stop_sequence"})
+"""OpenAI's, and two of text-generation-inference's."""
+
+Kind = Literal["nothing", "content", "error"]
+
+
+class EventTooLarge(Exception):
+    """An event is over MAX_EVENT_BYTES."""
+
+
+class EventSplitter:
+    """Whole events out of bytes as they come in, with their line ends as they were."""
+
+    def __init__(self) -> None:
+        self._rest = bytearray()
+        self._searched = 0
+
+    def feed(self, piece: bytes) -> list[bytes]:
+        """All events that are whole now. Raises EventTooLarge."""
+        if not self._rest and piece.endswith(b"\n\n") and piece.find(b"\n\n") == len(piece) - 2 and b"\r" not in piece:
+            return [piece]  # one event a piece, as most servers write them
+        rest = self._rest
+        rest += piece
+        events: list[bytes] = []
+        at = 0
+        for end in _EMPTY_LINE.finditer(rest, self._searched):
+            events.append(bytes(rest[at : end.end()]))
+            at = end.end()
+        del rest[:at]
+        self._searched = max(0, len(rest) - 3)  # an empty line may be cut by the network
+        if len(rest) > MAX_EVENT_BYTES:
+            raise EventTooLarge
+        return events
+
+    def rest(self) -> bytes:
+        """What is left at the end of the stream: an event without its empty line, or nothing."""
+        rest = bytes(self._rest)
+        self._rest.clear()
+        self._searched = 0
+        return rest
+
+
+class ChatReader:
+    """What a chat's events have said so far. `usage` is the server's own count, None until an event has one."""
+
+    def __init__(self) -> None:
+        self.done = False
+        self.finish_reason: str | None = None
+        self.has_words = False
+        self.has_calls = False
+        self.refused = False
+        self.usage: Spent | None = None
+        self.error: object = None
+        self.content_events = 0
+        self._characters = 0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the server said that this is all: by [DONE], or by why it stopped (`transformers serve` sends no
+        [DONE])."""
+        return self.done or self.finish_reason is not None
+
+    @property
+    def completion_tokens(self) -> int:
+        """An estimate, where the server does not count: one token an event, more where events are longer than tokens
+        are."""
+        if self._characters <= MOST_CHARACTERS_A_TOKEN * self.content_events:
+            return self.content_events
+        return max(self.content_events, self._characters // CHARACTERS_A_TOKEN)
+
+    def outcome(self, length_asked_for: bool) -> str:
+        """`answered` where it ended as an answer does, with words or a tool call in it; else what is wrong with it."""
+        return outcome_of(
+            self.finish_reason,
+            has_content=self.has_words or self.has_calls,
+            refused=self.refused,
+            length_asked_for=length_asked_for,
+        )
+
+    def read(self, event: bytes, *, without_usage: bool) -> tuple[Kind, bytes]:
+        """What one event is, and what is to be passed on of it: nothing of its `usage` where that is not wanted.
+
+        After `error`, the error is in `error`: an object, a list or a text."""
+        data, named_error = _data_of(event)
+        if data is None:
+            return "nothing", event
+        if data == b"[DONE]":
+            self.done = True
+            return "nothing", event
+        try:
+            said = from_json(data)
+        except ValueError:
+            if named_error:
+                self.error = data.decode("utf-8", "replace")
+                return "error", event
+            return "nothing", event
+        if not isinstance(said, dict):
+            self.error = said if named_error else None
+            return ("error" if named_error else "nothing"), event
+        error = error_inside(said)
+        if error is None and (named_error or ("choices" not in said and "detail" in said)):
+            error = said
+        if error is not None:
+            self.error = error
+            return "error", event
+        kind = self._chunk(said)
+        if without_usage and "usage" in said:
+            return kind, _without_usage(event, data, said)
+        return kind, event
+
+    def _chunk(self, said: dict[str, Any]) -> Kind:
+        """A chunk of the completion."""
+        usage = said.get("usage")
+        kind: Kind = "nothing"
+        choices = said.get("choices")
+        for choice in choices if isinstance(choices, list) else ():
+            if not isinstance(choice, dict):
+                continue
+            usage = usage or choice.get("usage")
+            reason = choice.get("finish_reason")
+            if isinstance(reason, str) and reason:
+                self.finish_reason = reason
+            delta = choice.get("delta") or choice.get("message") or choice
+            if isinstance(delta, dict) and self._delta(delta):
+                kind = "content"
+        if isinstance(usage, dict):
+            self.usage = tokens_of(usage)
+        if kind == "content":
+            self.content_events += 1
+        return kind
+
+    def _delta(self, delta: dict[str, Any]) -> bool:
+        """Whether there is something in it for the caller."""
+        found = False
+        for name, value in delta.items():
+            if not value:
+                continue
+            if name in _WORDS:
+                self.has_words = self.has_words or not isinstance(value, str) or not value.isspace()
+            elif name in _CALLS:
+                self.has_calls = True
+            elif name == "refusal":
+                self.refused = True
+            elif name not in _REASONING:
+                continue
+            found = True
+            self._characters += len(value) if isinstance(value, str) else len(to_json(value)) // 2
+        return found
+
+
+def outcome_of(finish_reason: str | None, *, has_content: bool, refused: bool, length_asked_for: bool) -> str:
+    """What an answer that came without an error is: `answered`, or why it is none that is kept."""
+    if refused or finish_reason == "content_filter":
+        return "refused"
+    if finish_reason == "length" and not length_asked_for:
+        return "truncated"
+    if finish_reason not in _ENDINGS:
+        return "unfinished"
+    return "answered" if has_content else "empty"
+
+
+def _data_of(event: bytes) -> tuple[bytes | None, bool]:
+    """An event's data, its lines joined, and whether the event says by its name that it is an error."""
+    stripped = event.strip(b"\r\n\xef\xbb\xbf")
+    if stripped.startswith(b"data:") and b"\n" not in stripped and b"\r" not in stripped:
+        return stripped[5:].strip(), False
+    lines: list[bytes] = []
+    named_error = False
+    for name, value in _fields(stripped):
+        if name == b"data":
+            lines.append(value)
+        elif name == b"error" and value:
+            lines.append(value)
+            named_error = True
+        elif name == b"event" and value.strip().lower() == b"error":
+            named_error = True
+    return (b"\n".join(lines).strip() if lines else None), named_error
+
+
+def _fields(event: bytes) -> Iterator[tuple[bytes, bytes]]:
+    for line in _LINE_END.split(event):
+        name, _, value = line.partition(b":")
+        if name:  # a line that begins with a colon is a comment
+            yield name, value.removeprefix(b" ")
+
+
+def _without_usage(event: bytes, data: bytes, said: dict[str, Any]) -> bytes:
+    """The event as it would be had the server not been asked what the answer costs; empty where that is all it says."""
+    if said["usage"] is None and event.count(b'"usage"') == 1:
+        without, times = _NO_USAGE.subn(b"", event)
+        if times:
+            return without
+    if not said.get("choices"):
+        return b""
+    rest = to_json({name: value for name, value in said.items() if name != "usage"})
+    other = [line for line in _LINE_END.split(event) if line and not line.startswith(b"data:")]
+    return b"\n".join([*other, b"data: " + rest]) + b"\n\n"
