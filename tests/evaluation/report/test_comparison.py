@@ -62,7 +62,7 @@ def test_a_gain_over_the_first_is_positive(tmp_path: Path) -> None:
 
 
 def test_a_pair_has_the_same_signs_in_compare_and_in_the_report(tmp_path: Path) -> None:
-    worse, better = flown(tmp_path / "a", {1}), flown(tmp_path / "b", set(range(12)), choice="centre")
+    worse, better = flown(tmp_path / "a", {1}), flown(tmp_path / "b", set(range(12)), viewpoint=CENTRE)
     gained = json.loads(asked(worse, better, "--json").stdout)["arms"][1]["against_first"]
     cells = asked(worse, better, "--markdown").stdout.splitlines()[3].split(" | ")
     page = build_page(load_runs([worse, better]))
