@@ -16,6 +16,7 @@ from service_kit.settings import BadSetting
 
 VISION_BACKENDS = "logisticsvln.vision_backends"
 SEARCH_POLICIES = "logisticsvln.search_policies"
+TYPED_QUESTIONS = "logisticsvln.typed_questions"
 METRICS = "logisticsvln.metrics"
 CATALOGUE = "logisticsvln.catalogue"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.:-]{0,79}")

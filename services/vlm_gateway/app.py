@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Coroutine, Iterable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, TypeVar
 
@@ -38,6 +38,7 @@ from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.server import PATH
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import gauge
+from services.vlm_gateway.question_extensions import TypedQuestion
 
 MAX_BODY_BYTES = 24 * 1024 * 1024
 
@@ -123,6 +124,9 @@ def build_app(
         """Towards which of the marked points should the drone fly?"""
         return await ask(question, request)
 
+    for more in gateway.more_questions:
+        _add_route(app, more, ask)
+
     @app.post(PATH, response_model=None)
     async def chat_completions(body: dict[str, Any]) -> Response:
         """OpenAI's chat completions for the configured chat models, streamed or not. `x-cache: on` or `off` in the
@@ -168,6 +172,21 @@ def build_app(
         log,
         max_body_bytes=max_body_bytes,
         origins=pages,
+    )
+
+
+def _add_route(app: FastAPI, more: TypedQuestion, ask: Callable[[Question, Request], Awaitable[Response]]) -> None:
+    async def route(question: Question, request: Request) -> Response:
+        return await ask(question, request)
+
+    route.__annotations__["question"] = more.question  # by which the framework reads the body
+    app.add_api_route(
+        f"/v1/{more.kind.path}",
+        route,
+        methods=["POST"],
+        name=more.kind.path.replace("-", "_"),
+        description=more.about,
+        response_model=more.kind.answer,
     )
 
 

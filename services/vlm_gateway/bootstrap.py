@@ -31,6 +31,7 @@ from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics, Price
+from services.vlm_gateway.question_extensions import extension_questions
 from services.vlm_gateway.settings import GatewaySettings
 from services.vlm_gateway.upstream.client import Upstream
 
@@ -54,7 +55,7 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
     backends = {
         alias: _backend(alias, model, keys.get(alias), figures, sim, where) for alias, model in config.models.items()
     }
-    gateway = Gateway(backends, config.roles, cache, figures)
+    gateway = Gateway(backends, config.roles, cache, figures, extension_questions())
     callers = Keys(config.keys, revealed(settings.gateway_token))
     origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
     return build_app(gateway, http, keys=callers, log_share=settings.request_log_share, origins=origins)

@@ -1,7 +1,7 @@
 """What a typed question goes through: who answers, is it known already, is it being asked, ask, keep, tell."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from pydantic import ValidationError
@@ -17,6 +17,7 @@ from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorded, kind_of, of_our_question
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.question_extensions import TypedQuestion
 from services.vlm_gateway.questions import KINDS, Kind, Prepared
 
 
@@ -27,7 +28,7 @@ class Found(NamedTuple):
 
 class Gateway:
     """`backends` by alias; `roles` names the alias that answers where a question names none; without `cache` every
-    question is asked anew."""
+    question is asked anew; `more_questions` are those that other packages bring."""
 
     def __init__(
         self,
@@ -35,17 +36,20 @@ class Gateway:
         roles: Mapping[Role, str],
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
+        more_questions: Sequence[TypedQuestion] = (),
     ) -> None:
         self.backends = backends
         self.roles = roles
         self.cache = cache
         self.metrics = metrics
+        self.more_questions = more_questions
+        self._kinds = KINDS | {more.question: more.kind for more in more_questions}
         self._flights: Flights[Found] = Flights()
 
     async def answer(self, question: Question) -> Answer:
         """The model's answer, or the recorded one. Raises BadQuestion, or the errors of `services.vlm_gateway.errors`
         where no answer came at all."""
-        kind = KINDS[type(question)]
+        kind = self._kinds[type(question)]
         alias = self.alias(question.model, kind.role)
         backend = self.backends[alias]
         if isinstance(backend, LazyBackend):

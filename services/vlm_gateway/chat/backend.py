@@ -108,6 +108,16 @@ class ChatBackend:
         asked = prompts.direction(await self._fresh(ask.picture), ask.heading_deg, ask.points, ask.task, form)
         return await self._ask(asked, lambda value: schemas.read_choice(value, labels))
 
+    async def ask_in_words(
+        self, instruction: str, pictures: Sequence[Picture], form: schemas.Form, read: Callable[[object], T]
+    ) -> Reply[T]:
+        """Any other question. `read` raises schemas.Unreadable or schemas.Declined."""
+        self._needs_vision()
+        if len(pictures) > self.settings.max_images:
+            raise BadQuestion(f"model {self.settings.alias!r} takes {self.settings.max_images} pictures at most")
+        fresh_ones = [await self._fresh(picture) for picture in pictures]
+        return await self._ask(prompts.in_words(instruction, fresh_ones, form), read)
+
     def status(self) -> dict[str, object]:
         upstream = self.upstream
         return {

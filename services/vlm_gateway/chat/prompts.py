@@ -89,6 +89,12 @@ def direction(picture: Picture, heading: Heading, points: Sequence[MarkedPoint],
     return Asked([_image(picture), _text(text)], form)
 
 
+def in_words(instruction: str, pictures: Sequence[Picture], form: Form) -> Asked:
+    """A question that is none of the four."""
+    text = f"{instruction}\nAnswer with JSON only, in this form: {form.example}"
+    return Asked([*(_image(picture) for picture in pictures), _text(text)], form)
+
+
 def messages(asked: Asked, *, reads_system: bool) -> list[Message]:
     """The conversation so far; where the template knows no system message its text opens the question."""
     if reads_system:
