@@ -6,7 +6,7 @@ import typer
 
 from contracts.orchestrator import MissionSettings, SearchSettings, SightingSettings
 from contracts.sim import Flight
-from mission.policies import DEFAULT, completed, policy_names
+from mission.policies import DEFAULT, OWN, completed
 
 SEED_HIGH = 2**31 - 1
 
@@ -17,7 +17,10 @@ SightingPolicy = Literal["look-again", "claim-at-first-sight"]
 Backend = Annotated[str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")]
 Viewpoint = Annotated[
     str | None,
-    typer.Option(help=f"How to search: a search policy, one of {', '.join(policy_names())}.", show_default=DEFAULT),
+    typer.Option(
+        help=f"How to search: {', '.join(policy.name for policy in OWN)}, or a policy that an installed package brings.",
+        show_default=DEFAULT,
+    ),
 ]
 Choice = Annotated[
     ChoicePolicy | None,

@@ -17,6 +17,7 @@ from mission.record import Record, new_id, now
 from mission.vehicle import Trial
 from orchestrator import sample_library
 from orchestrator.summary import draw_summary
+from service_kit.extensions import BadExtension
 
 log = logging.getLogger("orchestrator.delivery")
 
@@ -45,7 +46,7 @@ class Order:
         self.scene: Scene = scene
         try:
             self.settings: MissionSettings = completed(question.settings)
-        except BadSearch as error:
+        except (BadSearch, BadExtension) as error:
             raise BadDelivery(str(error)) from None
         if question.backend is not None and self.settings.vision_model is None:
             self.settings = self.settings.model_copy(update={"vision_model": question.backend})
