@@ -18,7 +18,7 @@ Backend = Annotated[str, typer.Option(help="Who answers about pictures: embedded
 Viewpoint = Annotated[
     str | None,
     typer.Option(
-        help=f"How to search: {', '.join(policy.name for policy in OWN)}, or a policy that an installed package brings.",
+        help=f"How to search: {', '.join(policy.name for policy in OWN)}, or what an installed package brings.",
         show_default=DEFAULT,
     ),
 ]
