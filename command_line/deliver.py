@@ -54,7 +54,8 @@ def deliver(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
-    """Fly one delivery and show it live. Ends with code 0 only when it was delivered."""
+    """Fly one delivery and show it live. Ends with code 0 only when it was delivered, or stopped in
+    front of a window that nobody judges."""
     try:
         settings = mission_settings(
             viewpoint=viewpoint,
@@ -100,7 +101,7 @@ def deliver(
         print_result(console, result, folder)
     if result.outcome == "cancelled":
         raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(0 if result.outcome == "delivered" else FAILED)
+    raise typer.Exit(0 if result.outcome in ("delivered", "delivered_not_judged") else FAILED)
 
 
 async def _deliver(

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field, JsonValue
+from pydantic import ConfigDict, Field, JsonValue, model_validator
 
 from contracts.base import Metres, Name, Unit, Wire
 from contracts.depth_assist import ApproachSettings
@@ -81,6 +81,20 @@ class MissionSettings(Wire):
     max_model_failures: int = Field(default=3, ge=0, le=20)
     image_size: int = Field(default=800, ge=64, le=1600)
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _policies_have_their_own(cls, given: object) -> object:
+        """Raises ValueError for what only some search policies have."""
+        misplaced = [
+            name for name in ("choice", "safe_distances", "explore") if isinstance(given, dict) and name in given
+        ]
+        if misplaced:
+            raise ValueError(
+                f"{misplaced[0]} is a setting of a search policy: give it under viewpoint, beside the name of a policy "
+                "that has it"
+            )
+        return given
 
 
 class DeliveryQuestion(Wire):

@@ -37,6 +37,7 @@ LINE: Colour = (214, 212, 206)
 TRACK: Colour = (28, 98, 196)
 GOOD: Colour = (24, 128, 72)
 BAD: Colour = (186, 44, 36)
+OPEN: Colour = (138, 90, 0)
 WALL: Colour = (148, 140, 128)
 WAITING: Colour = (232, 156, 44)
 
@@ -122,12 +123,16 @@ def _head(canvas: Canvas, delivery: Delivery, result: DeliveryResult) -> None:
     lines = wrapped(f'"{delivery.request}"', WIDTH - 2 * MARGIN - 330, 26)[:2]
     for at, line in enumerate(lines):
         draw_text(canvas, line, (MARGIN, 52 + 38 * at), 26, INK)
-    good = result.outcome == "delivered"
     label = result.outcome.replace("_", " ")
     wide = text_width(label, 30) + 44
     left = WIDTH - MARGIN - wide
-    cv2.rectangle(canvas, (left, 22), (WIDTH - MARGIN, 78), GOOD if good else BAD, -1, cv2.LINE_AA)
+    cv2.rectangle(canvas, (left, 22), (WIDTH - MARGIN, 78), _colour_of(result), -1, cv2.LINE_AA)
     draw_text(canvas, label, (left + 22, 60), 30, (255, 255, 255))
+
+
+def _colour_of(result: DeliveryResult) -> Colour:
+    """Of the outcome: what nobody judged is neither good nor bad."""
+    return {"delivered": GOOD, "delivered_not_judged": OPEN}.get(result.outcome, BAD)
 
 
 def _panel(canvas: Canvas, left: int, top: int, title: str, picture: Canvas | None) -> None:
@@ -171,7 +176,7 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
     cv2.circle(canvas, at(track[0]), 11, INK, -1, cv2.LINE_AA)
     draw_text(canvas, "start", (at(track[0])[0] + 16, at(track[0])[1] + 22), 18, INK)
     verdict = next((e.data for e in reversed(events) if isinstance(e, VerdictEvent)), None)
-    end = GOOD if verdict is not None and verdict.delivered else BAD
+    end = OPEN if verdict is None or not verdict.judged else GOOD if verdict.delivered else BAD
     cv2.circle(canvas, at(track[-1]), 11, end, -1, cv2.LINE_AA)
     ten = round(10 * scale)
     cv2.line(canvas, (width - 30 - ten, height - 22), (width - 30, height - 22), SOFT, 2)
@@ -227,5 +232,5 @@ def _facts(canvas: Canvas, left: int, top: int, result: DeliveryResult, events: 
         y += 46
     y += 8
     for line in wrapped(result.message, WIDTH - MARGIN - left - 48, 21)[:3]:
-        draw_text(canvas, line, (left + 24, y), 21, GOOD if result.outcome == "delivered" else BAD)
+        draw_text(canvas, line, (left + 24, y), 21, _colour_of(result))
         y += 36

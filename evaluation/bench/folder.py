@@ -126,10 +126,10 @@ class RunFolder:
 def read_settings(path: Path) -> RunSettings:
     """Raises BadFolder where the folder holds no run."""
     try:
-        return RunSettings.model_validate_json((path / "settings.json").read_text(encoding="utf-8"))
+        return RunSettings.read((path / "settings.json").read_text(encoding="utf-8"))
     except OSError:
         raise BadFolder(f"{path} holds no run: there is no settings.json in it") from None
-    except (ValidationError, UnicodeDecodeError):
+    except ValueError:
         raise BadFolder(f"{path}/settings.json is not the settings of a run") from None
 
 

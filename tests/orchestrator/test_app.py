@@ -90,6 +90,22 @@ def test_a_model_that_there_is_not_is_refused_before_anything_is_flown(door, run
     assert vision.asked == []
 
 
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"viewpoint": {"slices": 30}}, "contour has no setting slices; paper has it"),
+        ({"viewpoint": {"policy": "contour", "choice": "centre"}}, "contour has no setting choice"),
+        ({"viewpoint": {"policy": "sideways"}}, "no search policy sideways; there are paper, random, default, contour"),
+        ({"choice": "centre"}, "choice is a setting of a search policy"),
+    ],
+)
+def test_a_setting_that_would_have_no_effect_is_refused(door, runs: Path, settings: dict, said: str) -> None:
+    refused = door(BlockWorld(BEHIND)).post("/v1/deliveries", json=order(BlockWorld(BEHIND), settings=settings))
+    assert refused.status_code == 422
+    assert said in refused.json()["error"]["message"]
+    assert not runs.exists()
+
+
 def test_a_model_without_eyes_is_refused_and_a_gateway_that_is_away_is_the_missions_business(door) -> None:
     world = BlockWorld(BEHIND)
     blind = ServiceRefused("vlm_gateway: model 'words' takes no pictures", code="bad_question", status=422)
