@@ -12,7 +12,7 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from contracts.orchestrator import Delivery, DeliveryList, DeliveryQuestion
 from orchestrator import sample_library
-from orchestrator.desk import Desk
+from orchestrator.deliveries import Deliveries
 from service_kit.app import Check, create_app
 
 VIEWER = Path(__file__).parent / "viewer.html"
@@ -33,18 +33,18 @@ PAGE_POLICY = "; ".join(
 
 
 def build_app(
-    desk: Desk,
+    deliveries: Deliveries,
     *,
     checks: Mapping[str, Check] | None = None,
     token: str | None = None,
     on_close: Callable[[], Awaitable[None]] | None = None,
 ) -> FastAPI:
-    """The orchestrator's app around a desk. A token, where set, guards all routes but health."""
+    """The orchestrator's app over its deliveries. A token, where set, guards all routes but health."""
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         yield
-        await desk.close()
+        await deliveries.close()
         if on_close is not None:
             await on_close()
 
@@ -53,23 +53,23 @@ def build_app(
     @app.post("/v1/deliveries", status_code=202, tags=["deliveries"])
     async def post_delivery(question: DeliveryQuestion, response: Response) -> Delivery:
         """Takes a delivery and starts it; follow it by its events. 429 where too many are under way."""
-        delivery = await desk.take(question)
+        delivery = await deliveries.take(question)
         response.headers["location"] = f"/v1/deliveries/{delivery.id}"
         return delivery
 
     @app.get("/v1/deliveries", tags=["deliveries"])
     async def list_deliveries() -> DeliveryList:
         """The newest first."""
-        return DeliveryList(deliveries=tuple(await anyio.to_thread.run_sync(desk.list)))
+        return DeliveryList(deliveries=tuple(await anyio.to_thread.run_sync(deliveries.list)))
 
     @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"])
     async def get_delivery(delivery_id: str) -> Delivery:
-        return await anyio.to_thread.run_sync(desk.get, delivery_id)
+        return await anyio.to_thread.run_sync(deliveries.get, delivery_id)
 
     @app.delete("/v1/deliveries/{delivery_id}", tags=["deliveries"])
     async def cancel_delivery(delivery_id: str) -> Delivery:
         """Cancels a delivery under way; the answer comes when its record is complete."""
-        return await desk.cancel(delivery_id)
+        return await deliveries.cancel(delivery_id)
 
     @app.get("/v1/deliveries/{delivery_id}/events", tags=["deliveries"], response_class=EventSourceResponse)
     async def get_events(
@@ -77,11 +77,11 @@ def build_app(
     ) -> EventSourceResponse:
         """Server-sent events: `id` is the event's number, `data` the event. `Last-Event-ID` goes on after that one.
         The stream ends with the event of kind `result`."""
-        await anyio.to_thread.run_sync(desk.get, delivery_id)
+        await anyio.to_thread.run_sync(deliveries.get, delivery_id)
         after = int(last_event_id) if last_event_id and last_event_id.isdecimal() else 0
 
         async def stream() -> AsyncIterator[ServerSentEvent]:
-            async for event in desk.events(delivery_id, after):
+            async for event in deliveries.events(delivery_id, after):
                 yield ServerSentEvent(data=event.model_dump_json(), id=str(event.number), event="step")
             yield ServerSentEvent(data="{}", event="end")
 
@@ -90,7 +90,7 @@ def build_app(
     @app.get("/v1/deliveries/{delivery_id}/files/{file}", tags=["deliveries"], response_class=FileResponse)
     async def get_file(delivery_id: str, file: str) -> FileResponse:
         """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
-        path = await anyio.to_thread.run_sync(desk.picture, delivery_id, file)
+        path = await anyio.to_thread.run_sync(deliveries.picture, delivery_id, file)
         return FileResponse(path, headers={"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"})
 
     @app.get("/v1/samples", tags=["deliveries"])

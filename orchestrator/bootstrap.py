@@ -4,7 +4,7 @@ from fastapi import FastAPI
 
 from mission.clients import Services
 from orchestrator.app import build_app
-from orchestrator.desk import Desk
+from orchestrator.deliveries import Deliveries
 from orchestrator.settings import OrchestratorSettings
 from service_kit.settings import revealed
 
@@ -12,6 +12,8 @@ from service_kit.settings import revealed
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     """The app as the settings want it."""
     services = Services(settings.addresses, settings.tokens)
-    desk = Desk(services.ports(), services.trial(), settings.runs_dir, max_live=settings.max_live_deliveries)
+    deliveries = Deliveries(
+        services.ports(), services.trial(), settings.runs_dir, max_live=settings.max_live_deliveries
+    )
     checks = {client.service: client.usable for client in services.all}
-    return build_app(desk, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)
+    return build_app(deliveries, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)

@@ -12,7 +12,7 @@ from contracts.events import Event, read_event
 from contracts.orchestrator import Delivery
 from mission.ports import ServiceRefused, ServiceUnreachable, UnknownModel
 from orchestrator.app import build_app
-from orchestrator.desk import Desk
+from orchestrator.deliveries import Deliveries
 from tests.mission.box_world import Block, BlockVision, BlockWorld, block_ports, block_scene, block_trial
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
@@ -31,7 +31,7 @@ def door(serve: Callable[..., str], runs: Path) -> Iterator[Callable[..., httpx.
     def make(world: BlockWorld, **options: object) -> httpx.Client:
         token = options.pop("token", None)
         vision = options.pop("vision", None)
-        app = build_app(Desk(block_ports(world, vision), block_trial(world), runs, **options), token=token)
+        app = build_app(Deliveries(block_ports(world, vision), block_trial(world), runs, **options), token=token)
         clients.append(httpx.Client(base_url=serve(app), timeout=20))
         return clients[-1]
 

@@ -1,4 +1,4 @@
-"""The desk where deliveries are taken: a bounded number under way, all others as their records tell."""
+"""Deliveries taken, listed and cancelled: a bounded number under way, all others as their records tell."""
 
 import asyncio
 import contextlib
@@ -15,31 +15,31 @@ from mission.vehicle import Trial
 from orchestrator.delivery import BadDelivery, Order, Run
 from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
 
-log = logging.getLogger("orchestrator.desk")
+log = logging.getLogger("orchestrator.deliveries")
 
 PREFLIGHT_S = 10.0
 """How long the gateway may take to say whether there is a model; it may have to load it."""
 FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"})
 
 
-class Live:
-    """One delivery under way: its events so far, and a bell that rings at each new one."""
+class LiveDelivery:
+    """One delivery under way: its events so far. `changed` is set, and replaced, whenever something is new."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
         self.events: list[Event] = []
         self.result: DeliveryResult | None = None
         self.task: asyncio.Task[None] | None = None
-        self.bell = asyncio.Event()
+        self.changed = asyncio.Event()
 
-    def hear(self, event: Event) -> None:
+    def add(self, event: Event) -> None:
         self.events.append(event)
-        self.ring()
+        self.notify()
 
-    def ring(self) -> None:
+    def notify(self) -> None:
         """Wakes everybody who waits now."""
-        self.bell.set()
-        self.bell = asyncio.Event()
+        self.changed.set()
+        self.changed = asyncio.Event()
 
     @property
     def over(self) -> bool:
@@ -54,7 +54,7 @@ class Live:
         return self.run.record.delivery.model_copy(update=told)
 
 
-class Desk:
+class Deliveries:
     """Takes, lists and cancels deliveries; `runs` is the folder of the records."""
 
     def __init__(self, ports: Ports, trial: Trial, runs: Path, *, max_live: int = 2, max_listed: int = 200) -> None:
@@ -63,7 +63,7 @@ class Desk:
         self._runs = runs
         self._max_live = max_live
         self._max_listed = max_listed
-        self._live: dict[str, Live] = {}
+        self._live: dict[str, LiveDelivery] = {}
 
     async def take(self, question: DeliveryQuestion) -> Delivery:
         """Starts a delivery. Raises BadQuestion (also for a model that there is not), TooMany, Unavailable (the record
@@ -81,13 +81,13 @@ class Desk:
                 "wait for one to end or cancel one",
                 headers={"retry-after": "10"},
             )
-        heard: list[Live] = []
+        started: list[LiveDelivery] = []
         try:
-            run = Run(order, self._runs, listener=lambda event: heard[0].hear(event))
+            run = Run(order, self._runs, listener=lambda event: started[0].add(event))
         except OSError as error:
             raise Unavailable(f"the record can't be written: {error.strerror}", code="no_record") from None
-        live = Live(run)
-        heard.append(live)
+        live = LiveDelivery(run)
+        started.append(live)
         self._live[run.id] = live
         live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
         await asyncio.sleep(0)  # a task that is cancelled before its first step would leave no record
@@ -108,14 +108,14 @@ class Desk:
                 if error.status == 422:
                     raise BadQuestion(str(error)) from None
 
-    async def _fly(self, live: Live) -> None:
+    async def _fly(self, live: LiveDelivery) -> None:
         try:
             live.result = await live.run.fly(self._ports, self._trial)
         except Exception:
             log.exception("delivery %s broke off", live.run.id)
             live.result = cut_off(len(live.events))
         finally:
-            live.ring()
+            live.notify()
             self._live.pop(live.run.id, None)
 
     def get(self, name: str) -> Delivery:
@@ -154,13 +154,13 @@ class Desk:
             return
         told = after
         while True:
-            bell = live.bell
+            changed = live.changed
             for event in live.events[told:]:
                 told = event.number
                 yield event
             if live.over or live.result is not None:
                 return
-            await bell.wait()
+            await changed.wait()
 
     def picture(self, name: str, file: str) -> Path:
         """A file of a record that may be shown. Raises NotFound."""
