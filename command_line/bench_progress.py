@@ -1,4 +1,4 @@
-"""The state of a run for whoever waits for it: a live table on a terminal, a line now and then elsewhere."""
+"""A run's progress: a live table on a terminal, a line now and then elsewhere."""
 
 import time
 from collections import Counter

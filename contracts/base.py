@@ -19,6 +19,9 @@ Unit = Annotated[float, Field(ge=0.0, le=1.0)]
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.:-]*$")]
 """An identifier that is safe in a path and in a log line."""
 
+ModelName = Annotated[str, Field(min_length=1, max_length=128, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.:/@+-]*$")]
+"""What a gateway calls a model: a name, or one such as its makers write, `Qwen/Qwen2.5-VL-7B-Instruct`."""
+
 
 class Wire(BaseModel):
     """A message or a part of one: unknown fields are refused, numbers are finite, values don't change."""

@@ -209,10 +209,11 @@ class ExploreDrawing(Wire):
     way: tuple[PlanPoint, ...]
 
 
-class ExploreStep(Wire):
+class ExploreAnswer(Wire):
     """`move`: fly level to `stop`, `distance_m` away at `bearing_deg` (from the nose, positive to the right), and turn
     to `yaw`; `turn`: stay and turn to `yaw`; `done`: nothing is left that can be reached and seen. `gain_m` is how
-    much facade the place `way_m` ahead will show. `inspected_share`: of the facade known or expected so far."""
+    much facade the place `way_m` ahead will show. `inspected_share`: of the facade known or expected so far. `map`
+    goes into the next question."""
 
     status: Literal["move", "turn", "done"]
     reason: str
@@ -224,15 +225,5 @@ class ExploreStep(Wire):
     way_m: Metres
     inspected_share: Unit
     step: int
-    drawing: ExploreDrawing
-
-
-class ExploreAnswer(ExploreStep):
-    """The explorer's next step; `map` goes into the next question."""
-
     map: str
-
-    @property
-    def explore_step(self) -> ExploreStep:
-        """The answer without its map."""
-        return ExploreStep(**{name: getattr(self, name) for name in ExploreStep.model_fields})
+    drawing: ExploreDrawing

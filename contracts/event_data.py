@@ -1,18 +1,22 @@
 """What the events of a delivery tell, one model a kind; `contracts.events` has the events themselves."""
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import AliasChoices, ConfigDict, Field
+from pydantic import AliasChoices, AliasPath, ConfigDict, Field, JsonValue
 
-from contracts.base import Metres, Name, Wire
-from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreStep, PlanPoint, ViewpointAnswer
-from contracts.geometry import Heading, Point3, PointLabel, Pose
+from contracts.base import Metres, Name, Unit, Wire
+from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreDrawing, PlanPoint, ViewpointAnswer
+from contracts.geometry import Heading, Point2, Point3, PointLabel, Pose
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import DeliveryResult
 from contracts.sim import Verdict
 from contracts.vlm_gateway import BuildingBoxAnswer, ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, Match
 
 Seconds = Annotated[float, Field(ge=0.0)]
+
+
+def _from_explore(name: str) -> Any:
+    return Field(default=None, validation_alias=AliasChoices(name, AliasPath("explore", name)))
 
 
 class NoData(Wire):
@@ -151,12 +155,17 @@ class DirectionData(Wire):
     seconds: Seconds | None = None
 
 
-class ContourData(Wire):
-    """The way on by the contour explorer; its map is left out, `map_bytes` long."""
+class SearchData(Wire):
+    """The way on by a search policy, in a form that every policy can tell: the facade as it knows it, for drawing, the
+    share of it that was inspected, and where it flies next, each null where it does not tell. `details` are the
+    policy's own. Records of version 0.1 have the contour explorer's answer as `explore`."""
 
     exploration_step: int = Field(ge=0)
-    explore: ExploreStep
-    map_bytes: int = Field(ge=0)
+    policy: Name | None = None
+    drawing: ExploreDrawing | None = _from_explore("drawing")
+    inspected_share: Unit | None = _from_explore("inspected_share")
+    stop: Point2 | None = _from_explore("stop")
+    details: dict[str, JsonValue] = Field(default={}, validation_alias=AliasChoices("details", "explore"))
 
 
 class MoveData(Wire):
@@ -209,7 +218,7 @@ EventData: TypeAlias = (
     | BuildingBoxData
     | LookData
     | DirectionData
-    | ContourData
+    | SearchData
     | MoveData
     | TurnData
     | ApproachData

@@ -18,7 +18,6 @@ from contracts.base import Wire
 from contracts.event_data import (
     ApproachData,
     BuildingBoxData,
-    ContourData,
     DirectionData,
     EventData,
     FloorCountData,
@@ -28,6 +27,7 @@ from contracts.event_data import (
     NoData,
     ParsedData,
     PlacedData,
+    SearchData,
     Seconds,
     StandOffData,
     TurnData,
@@ -97,9 +97,9 @@ class DirectionEvent(MissionEvent):
     data: DirectionData
 
 
-class ContourEvent(MissionEvent):
-    kind: Literal["contour"] = "contour"
-    data: ContourData
+class SearchEvent(MissionEvent):
+    kind: Literal["search"] = "search"
+    data: SearchData
 
 
 class MoveEvent(MissionEvent):
@@ -149,7 +149,7 @@ KnownEvent: TypeAlias = (
     | BuildingBoxEvent
     | LookEvent
     | DirectionEvent
-    | ContourEvent
+    | SearchEvent
     | MoveEvent
     | TurnEvent
     | ApproachEvent
@@ -161,6 +161,10 @@ Event: TypeAlias = KnownEvent | UnknownEvent
 
 _KNOWN: TypeAdapter[KnownEvent] = TypeAdapter(Annotated[KnownEvent, Field(discriminator="kind")])
 _EVENT_OF: dict[object, Any] = {event.model_fields["data"].annotation: event for event in get_args(KnownEvent)}
+
+
+RENAMED_KINDS = {"contour": "search"}
+"""What records of version 0.1 call otherwise."""
 
 
 def new_event(
@@ -179,7 +183,13 @@ def read_event(text: str | bytes) -> Event:
     try:
         return _KNOWN.validate_json(text, extra="ignore")
     except ValidationError:
-        return UnknownEvent.model_validate_json(text, extra="ignore")
+        event = UnknownEvent.model_validate_json(text, extra="ignore")
+    if event.kind not in RENAMED_KINDS:
+        return event
+    try:
+        return _KNOWN.validate_python(event.model_dump() | {"kind": RENAMED_KINDS[event.kind]}, extra="ignore")
+    except ValidationError:
+        return event
 
 
 def json_schema() -> dict[str, Any]:

@@ -56,7 +56,7 @@ class DepthMap(Wire):
 
 
 def image_header(data: bytes) -> ImageHeader:
-    """Format ("jpeg" or "png"), width and height, read from the header alone. Raises BadImage."""
+    """Format ("jpeg", "png", "webp" or "gif"), width and height, read from the header alone. Raises BadImage."""
     if data[:8] == b"\x89PNG\r\n\x1a\n" and data[12:16] == b"IHDR" and len(data) >= 24:
         width, height = struct.unpack(">II", data[16:24])
         return ImageHeader("png", width, height)
@@ -76,7 +76,27 @@ def image_header(data: bytes) -> ImageHeader:
                 break
             at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
         raise BadImage("the JPEG ends before its frame header")
-    raise BadImage("not a JPEG or PNG picture (first bytes: " + data[:8].hex(" ") + ")")
+    if data[:6] in (b"GIF87a", b"GIF89a") and len(data) >= 10:
+        width, height = struct.unpack("<HH", data[6:10])
+        return ImageHeader("gif", width, height)
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP" and len(data) >= 30:
+        return _webp_header(data)
+    raise BadImage("not a JPEG, PNG, WebP or GIF picture (first bytes: " + data[:8].hex(" ") + ")")
+
+
+def _webp_header(data: bytes) -> ImageHeader:
+    """https://developers.google.com/speed/webp/docs/riff_container. Raises BadImage."""
+    chunk = data[12:16]
+    if chunk == b"VP8X":
+        width, height = int.from_bytes(data[24:27], "little") + 1, int.from_bytes(data[27:30], "little") + 1
+    elif chunk == b"VP8L" and data[20] == 0x2F:
+        bits = int.from_bytes(data[21:25], "little")
+        width, height = (bits & 0x3FFF) + 1, (bits >> 14 & 0x3FFF) + 1
+    elif chunk == b"VP8 " and data[23:26] == b"\x9d\x01\x2a":
+        width, height = (side & 0x3FFF for side in struct.unpack("<HH", data[26:30]))
+    else:
+        raise BadImage("a WebP picture without a frame header")
+    return ImageHeader("webp", width, height)
 
 
 def decode_base64(text: str, what: str) -> bytes:

@@ -95,7 +95,7 @@ class Processes:
         return next((child for child in self.children if child.process.poll() is not None), None)
 
     def stop(self) -> None:
-        """SIGTERM to all, SIGKILL to whoever is still there after `STOP_DEADLINE_S`."""
+        """SIGTERM to all, SIGKILL to those still running after `STOP_DEADLINE_S`."""
         for child in self.children:
             if child.process.poll() is None:
                 child.process.send_signal(signal.SIGTERM)

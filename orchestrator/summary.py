@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.events import (
-    ContourEvent,
     Event,
     FloorCountEvent,
     LookEvent,
     MoveEvent,
     PlacedEvent,
+    SearchEvent,
     StandOffEvent,
     VerdictEvent,
 )
@@ -186,8 +186,9 @@ def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
 def _inspected(
     canvas: Canvas, events: Sequence[Event], at: Callable[[Sequence[float]], tuple[int, int]], scale: float
 ) -> None:
-    """The contour explorer's last map: facade inspected, not yet inspected, and expected out of sight."""
-    last = next((e.data.explore.drawing for e in reversed(events) if isinstance(e, ContourEvent)), None)
+    """The search's last map, where its policy keeps one: facade inspected, not yet inspected, expected."""
+    drawings = (e.data.drawing for e in reversed(events) if isinstance(e, SearchEvent))
+    last = next((drawing for drawing in drawings if drawing is not None), None)
     if last is None:
         return
     half = max(2, round(last.cell_m * scale / 2))

@@ -1,4 +1,4 @@
-"""Results as one flat table: a row an episode, task and result side by side, for whoever analyses runs."""
+"""Results as one flat table: a row an episode, task and result side by side, for data analysis."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

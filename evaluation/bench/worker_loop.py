@@ -82,7 +82,7 @@ def answer_lines(module: str, new_worker: Callable[[bytes], WorkerLogic]) -> int
     """A worker's whole process. Returns the exit status; a message that is not of the contract ends it with one line
     on standard error, in the name of `module`."""
     try:
-        # whoever gave the work may have been killed: then nobody reads the answers
+        # the parent may have been killed: then its end of the pipe is closed
         with contextlib.suppress(BrokenPipeError):
             return asyncio.run(serve(new_worker))
     except ValidationError as error:

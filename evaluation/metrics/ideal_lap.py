@@ -1,8 +1,8 @@
-"""What an ideal lap is worth: somebody who knows the whole map and the facades, but not the window.
+"""The ideal lap: a lap with the map known and the target's facade unknown, as an upper bound for a search.
 
-They guess the side by a coin, fly the shortest way round the building's footprint grown by a clearance until the
-window comes into view, and from there to a stop before it. The mean over both sides is what a search that needs to see
-the window can hope for; the figure needs no flight.
+The side is a fair coin's. The lap is the shortest way round the building's footprint, grown by a clearance, until the
+window comes into view, and from there to a stop before it. The mean over both sides is the SPL that a search which has
+to see the window can reach; it is computed from the scene, without a flight.
 """
 
 import math
@@ -64,12 +64,12 @@ def ideal_lap_spl(tasks: Iterable[Task]) -> float | None:
 
 
 def ideal_worth(task: Task) -> float:
-    """What a task adds to the ideal lap's SPL: L is the task's shortest way, as in SPL."""
+    """One task's term of the ideal lap's SPL: L is the task's shortest way, as in SPL."""
     return worth_of(laps_of(task.scene), task.shortest_horizontal_m)
 
 
 def worth_of(laps: Laps, shortest_m: float) -> float:
-    """The mean of both sides; of one where neighbours close the other, as whoever knows the map does not try it."""
+    """The mean of both sides; of one where neighbours close the other, which the map shows beforehand."""
     ways = [lap for lap in laps if math.isfinite(lap)]
     return sum(shortest_m / max(lap, shortest_m) if lap > 0 else 1.0 for lap in ways) / len(ways) if ways else 0.0
 

@@ -80,8 +80,8 @@ class ExtensionFigure(Wire):
 class Summary(Wire):
     """A run's figures. Every rate is over the `tasks` flown, broken episodes included; `planned` is how many the run
     is to have. `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and
-    waiting for models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of somebody
-    who knows the map and guesses the side, on the same tasks. `extensions`: figures of other packages' metrics."""
+    waiting for models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of a lap
+    with the map known and the facade unknown, on the same tasks. `extensions`: figures of other packages' metrics."""
 
     tasks: int
     planned: int

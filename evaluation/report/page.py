@@ -78,7 +78,7 @@ def _nav(runs: Sequence[Run]) -> Html:
 
 
 def _share_of(summary: Summary) -> str:
-    """How near the run comes to what somebody with the whole map and a coin would score."""
+    """The run's SPL as a share of the ideal lap's."""
     if not summary.ideal_lap_spl or summary.spl.horizontal is None:
         return ""
     return f"; reached {summary.spl.horizontal / summary.ideal_lap_spl:.2f} of it"

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from contracts.events import ContourEvent, Event
+from contracts.events import Event, SearchEvent
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult
 from contracts.scene import Building, WindowPlace
@@ -21,7 +21,7 @@ Xyz = tuple[float, float, float]
 
 
 class SearchMap(NamedTuple):
-    """The contour explorer's last map as cells of the plan, `cell_m` wide: facade it has inspected, facade it has not,
+    """The search's last map as cells of the plan, `cell_m` wide: facade it has inspected, facade it has not,
     and where it expects some out of sight; and the way it meant to fly next."""
 
     cell_m: float
@@ -60,10 +60,10 @@ def flight_of(task: Task, result: DeliveryResult | None, events: Sequence[Event]
 
 
 def _search_map(events: Sequence[Event]) -> SearchMap | None:
-    last = next((event for event in reversed(events) if isinstance(event, ContourEvent)), None)
-    if last is None:
+    searched = (event.data.drawing for event in reversed(events) if isinstance(event, SearchEvent))
+    drawing = next((drawing for drawing in searched if drawing is not None), None)
+    if drawing is None:
         return None
-    drawing = last.data.explore.drawing
     return SearchMap(drawing.cell_m, drawing.inspected, drawing.uninspected, drawing.expected, drawing.way)
 
 
@@ -122,7 +122,7 @@ def plan_key() -> Html:
         ("stop with a question to a model", tag("circle", cx=8, cy=7, r=4, class_="stop")),
         ("stop with the window in plain view", tag("circle", cx=8, cy=7, r=5, class_="stop seen")),
         ("end, and where the nose points", tag("polygon", points="15,7 3,13 6,7 3,1", class_="end bad")),
-        ("facade the contour search inspected", tag("rect", x=2, y=3, width=12, height=8, class_="cells inspected")),
+        ("facade the search inspected", tag("rect", x=2, y=3, width=12, height=8, class_="cells inspected")),
         ("facade it did not", tag("rect", x=2, y=3, width=12, height=8, class_="cells uninspected")),
         ("facade it expected out of sight", tag("rect", x=2, y=3, width=12, height=8, class_="cells expected")),
         ("the customer's window, and its side", tag("polygon", points="6,0 10,0 14,14 2,14", class_="target")),

@@ -9,7 +9,7 @@ from evaluation.report import paper
 from evaluation.report.comparison import against
 from evaluation.report.markup import Html, interval, join, number, p_value, percent, tag, text
 from evaluation.report.runs import Run
-from mission.policies import policies
+from mission.policies import label_of
 from mission.policies.points import POINTS_POLICIES, PaperPolicy
 from mission.wording import counted
 
@@ -79,11 +79,10 @@ class Arm(NamedTuple):
 
 def _searches(runs: Sequence[Run]) -> list[Arm]:
     """The paper's three ways to pick a view, and every other search policy that was flown."""
-    known = {policy.name: policy.label for policy in policies().values()}
     flown = dict.fromkeys(run.arm.viewpoint.policy or "" for run in runs)
     others = [name for name in flown if name not in POINTS_POLICIES]
-    papers = [Arm(known[name].capitalize(), name) for name in POINTS_POLICIES]
-    return papers + [Arm(known.get(name, name).capitalize(), name, of_paper=False) for name in others]
+    papers = [Arm(label_of(name).capitalize(), name) for name in POINTS_POLICIES]
+    return papers + [Arm(label_of(name).capitalize(), name, of_paper=False) for name in others]
 
 
 def _choice(run: Run) -> str:

@@ -47,7 +47,7 @@ class Task(Wire):
 
     @property
     def content(self) -> str:
-        """A digest (SHA-256, hexadecimal) of all but the names of task and scene, which whoever draws a set chooses."""
+        """A SHA-256 of all but the names of task and scene, which `tasks generate --name` sets."""
         scene = self.scene.model_copy(update={"name": "-"})
         nameless = self.model_copy(update={"id": "-", "scene": scene})
         return hashlib.sha256(nameless.model_dump_json().encode()).hexdigest()

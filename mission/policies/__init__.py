@@ -1,7 +1,5 @@
 """Search policies by name: those of the project, and those that installed packages bring by entry point."""
 
-from collections.abc import Mapping
-
 from pydantic import ValidationError
 
 from contracts.orchestrator import MissionSettings, SearchSettings
@@ -25,9 +23,12 @@ def policy_names() -> tuple[str, ...]:
     return (*own, *extensions(SEARCH_POLICIES, reserved=own))
 
 
-def policies() -> Mapping[str, type[AnyPolicy]]:
-    """All policies by name, the project's own first. Raises BadExtension for a package that brings none."""
-    return {name: policy_type(name) for name in policy_names()}
+def label_of(name: str) -> str:
+    """What people read for a policy; the bare name where it is not installed here."""
+    try:
+        return policy_type(name).label
+    except (BadSearch, BadExtension):
+        return name
 
 
 def policy_type(name: str | None) -> type[AnyPolicy]:

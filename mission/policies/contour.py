@@ -4,7 +4,7 @@ import math
 from typing import ClassVar
 
 from contracts.depth_assist import ExploreAnswer, ExploreQuestion, ExploreSettings
-from contracts.event_data import ContourData
+from contracts.event_data import SearchData
 from contracts.geometry import Point3
 from mission.looks import Look
 from mission.policies.base import NextStop, NothingLeft, Onward, Plan, SearchMemory, SearchPolicy, SearchTools, Told
@@ -75,8 +75,13 @@ class ContourPlan(Plan):
     async def onward(self) -> Onward:
         answer = self._answer
         said = f"{100 * answer.inspected_share:.0f} % of the known facade inspected"
-        data = ContourData(
-            exploration_step=self._tools.exploration_step, explore=answer.explore_step, map_bytes=len(answer.map)
+        data = SearchData(
+            exploration_step=self._tools.exploration_step,
+            policy=ContourPolicy.name,
+            drawing=answer.drawing,
+            inspected_share=answer.inspected_share,
+            stop=answer.stop,
+            details=answer.model_dump(mode="json", exclude={"map", "drawing", "inspected_share", "stop"}),
         )
         told = Told(f"{answer.status}: {answer.reason}; {said}", data)
         memory = ContourMemory(map=answer.map, inspected_share=answer.inspected_share)

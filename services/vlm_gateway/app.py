@@ -25,22 +25,21 @@ from contracts.vlm_gateway import (
     Question,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion, ServiceError
+from service_kit.errors import BadQuestion, NotFound, ServiceError
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins
 from services.vlm_gateway.chat.backend import ChatBackend
+from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.calls import Models
 from services.vlm_gateway.hot.deadline import caller_left, stated_timeout_s, too_late
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.server import PATH
-from services.vlm_gateway.keys import Keys
+from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.question_extensions import TypedQuestion
-
-MAX_BODY_BYTES = 24 * 1024 * 1024
 
 T = TypeVar("T")
 
@@ -51,7 +50,7 @@ def build_app(
     *,
     keys: Keys | None = None,
     log_share: float = 0.0,
-    max_body_bytes: int = MAX_BODY_BYTES,
+    limits: ChatLimits = NO_LIMITS_SET,
     origins: Origins | None = None,
 ) -> Frontend:
     """The service over a wired `gateway`: the framework's app behind the frontend for chats. Its cache is started and
@@ -83,7 +82,7 @@ def build_app(
     checks = {"cache": cache.problem} if cache is not None and cache.mode == "replay" else {}
     app = create_app(
         "vlm_gateway",
-        max_body_bytes=max_body_bytes,
+        max_body_bytes=limits.body_bytes,
         checks=checks,
         notes=notes,
         metrics=metrics,
@@ -134,21 +133,31 @@ def build_app(
         # hot/server.py sends chats past here; the route is there for the API's description
         raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
 
+    def entry(alias: str) -> dict[str, object]:
+        backend = gateway.backends[alias]
+        return {
+            "id": alias,
+            "object": "model",
+            "created": int(started_at),
+            "owned_by": backend.kind,
+            "chat": isinstance(backend, ChatBackend),
+            "roles": sorted(role for role, named in gateway.roles.items() if named == alias),
+        }
+
     @app.get("/v1/models")
     async def models() -> dict[str, object]:
-        """The aliases that requests may name, in OpenAI's form; `chat` says whether chat completions take them."""
-        data = [
-            {
-                "id": alias,
-                "object": "model",
-                "created": int(started_at),
-                "owned_by": backend.kind,
-                "chat": isinstance(backend, ChatBackend),
-                "roles": sorted(role for role, named in gateway.roles.items() if named == alias),
-            }
-            for alias, backend in sorted(gateway.backends.items())
-        ]
-        return {"object": "list", "data": data}
+        """The aliases that the caller may name, in OpenAI's form; `chat` says whether chat completions take them, and
+        those come first: many clients take the first of the list."""
+        mine = [alias for alias in gateway.backends if asking.get().may_ask(alias)]
+        mine.sort(key=lambda alias: (alias not in chats, alias))
+        return {"object": "list", "data": [entry(alias) for alias in mine]}
+
+    @app.get("/v1/models/{alias:path}")
+    async def model(alias: str) -> dict[str, object]:
+        """One of them."""
+        if alias not in gateway.backends or not asking.get().may_ask(alias):
+            raise NotFound(f"no model {alias!r}; GET /v1/models lists those there are", code="model_not_found")
+        return entry(alias)
 
     @app.get("/v1/status")
     async def status() -> dict[str, object]:
@@ -170,7 +179,7 @@ def build_app(
         gateway.metrics,
         metrics,
         log,
-        max_body_bytes=max_body_bytes,
+        limits=limits,
         origins=pages,
     )
 

@@ -58,7 +58,14 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
     gateway = Gateway(backends, config.roles, cache, figures, extension_questions())
     callers = Keys(config.keys, revealed(settings.gateway_token))
     origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
-    return build_app(gateway, http, keys=callers, log_share=settings.request_log_share, origins=origins)
+    return build_app(
+        gateway,
+        http,
+        keys=callers,
+        log_share=settings.request_log_share,
+        origins=origins,
+        limits=config.limits,
+    )
 
 
 def _prices(models: Mapping[str, ModelConfig]) -> dict[str, Price]:

@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 
 from pydantic import Discriminator, Field, Tag, ValidationError
 
-from contracts.base import Name, Unit, Wire
+from contracts.base import ModelName, Name, Unit, Wire
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, secret
 from services.vlm_gateway.backends.extension import BUILT_IN, ExtensionModelConfig, extension_backends
@@ -100,6 +100,8 @@ class ChatModelConfig(_Limits):
     `min_pixels`, `max_pixels`, `temperature`, `max_tokens`, `boxes`, `box_order`, `image_factor`) or the server
     (`structured`). `context_tokens` is the context that Ollama is asked to give the model. `revision` tells answers of
     differently quantised or re-trained models apart in the cache. `extra` is sent with every request as it is.
+    `pass` names fields of a chat that are passed to the server besides the preset's, `message_fields`, `part_fields`
+    and `part_types` those of messages and parts (`["*"]` passes all); what else is in messages is dropped.
 
     For chats that are passed on: `retries` is how often a request is made again where its failure may pass, `fallbacks`
     the aliases that are asked in turn after what `fallback_after` lists, `counts_streams` whether its server is asked
@@ -126,9 +128,13 @@ class ChatModelConfig(_Limits):
     image_factor: int | None = Field(default=None, ge=1, le=512)
     context_tokens: int | None = Field(default=None, ge=512, le=1_048_576)
     extra: dict[str, Any] = {}
+    passes: tuple[str, ...] = Field(default=(), alias="pass", max_length=100)
+    message_fields: tuple[str, ...] = Field(default=(), max_length=100)
+    part_fields: tuple[str, ...] = Field(default=(), max_length=100)
+    part_types: tuple[str, ...] = Field(default=(), max_length=20)
     retries: int = Field(default=1, ge=0, le=5)
     resend_unanswered: bool = False
-    fallbacks: tuple[Name, ...] = Field(default=(), max_length=8)
+    fallbacks: tuple[ModelName, ...] = Field(default=(), max_length=8)
     fallback_after: tuple[FallbackReason, ...] = FALLBACK_AFTER
     counts_streams: bool | None = None
     usd_per_million_prompt: float = Field(default=0.0, ge=0.0, le=100_000.0)
@@ -158,7 +164,7 @@ class KeyConfig(Wire):
 
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
     tenant: Name | None = None
-    models: tuple[Name, ...] | None = None
+    models: tuple[ModelName, ...] | None = None
     requests_per_minute: int | None = Field(default=None, ge=1, le=10_000_000)
     concurrency: int | None = Field(default=None, ge=1, le=100_000)
     tokens_per_minute: int | None = Field(default=None, ge=1, le=10_000_000_000)
@@ -166,25 +172,42 @@ class KeyConfig(Wire):
     admin: bool = False
 
 
+class ChatLimits(Wire):
+    """Bounds of one chat request: its messages, pictures (frames), answer's tokens, and of a picture as it comes in
+    its sides and area in pixels; of every route, the body's bytes."""
+
+    messages: int = Field(default=2000, ge=1, le=1_000_000)
+    pictures: int = Field(default=64, ge=0, le=1000)
+    tokens: int = Field(default=262_144, ge=1, le=100_000_000)
+    picture_side: int = Field(default=16_384, ge=16, le=65_535)
+    picture_pixels: int = Field(default=64_000_000, ge=256, le=1_000_000_000)
+    body_bytes: int = Field(default=24 * 1024 * 1024, ge=1024, le=1024 * 1024 * 1024)
+
+
+NO_LIMITS_SET = ChatLimits()
+
+
 class _File(Wire):
-    models: dict[Name, ModelConfig] = {}
-    roles: dict[Role, Name] = {}
+    models: dict[ModelName, ModelConfig] = {}
+    roles: dict[Role, ModelName] = {}
     keys: dict[Name, KeyConfig] = {}
+    limits: ChatLimits = NO_LIMITS_SET
 
 
 class GatewayConfig(Wire):
     """`roles` holds an alias of `models` for every role that has one; `parser` has none unless it is given. Without
     `keys` everybody may ask everything."""
 
-    models: dict[Name, ModelConfig]
-    roles: dict[Role, Name]
+    models: dict[ModelName, ModelConfig]
+    roles: dict[Role, ModelName]
     keys: dict[Name, KeyConfig] = {}
+    limits: ChatLimits = NO_LIMITS_SET
 
 
 class ChatModel(Wire):
     """A chat model with its preset, its server and its own settings put together."""
 
-    alias: Name
+    alias: ModelName
     config: ChatModelConfig
     family: Family
     server: Server
@@ -254,7 +277,7 @@ def load_config(path: Path | None, *, oracle_allowed: bool, noise: OracleNoise =
             raise BadSetting(f"{where}: roles.parser: {alias!r} is no language model; name one with backend 'chat'")
         roles[role] = alias
     _check_names(file, models, where)
-    return GatewayConfig(models=models, roles=roles, keys=file.keys)
+    return GatewayConfig(models=models, roles=roles, keys=file.keys, limits=file.limits)
 
 
 def _check_names(file: _File, models: Mapping[str, ModelConfig], where: str) -> None:
@@ -365,4 +388,5 @@ def _keys_beside(document: Mapping[str, Any], place: list[str]) -> list[str]:
         "oracle": OracleModelConfig,
         "chat": ChatModelConfig,
     }
-    return list(variants[document["models"][place[1]]["backend"]].model_fields)
+    fields = variants[document["models"][place[1]]["backend"]].model_fields
+    return [field.alias or name for name, field in fields.items()]

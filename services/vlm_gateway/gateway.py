@@ -16,6 +16,7 @@ from services.vlm_gateway.cache.port import CacheDown
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorded, kind_of, of_our_question
 from services.vlm_gateway.flights import Flights
+from services.vlm_gateway.keys import Forbidden, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.question_extensions import TypedQuestion
 from services.vlm_gateway.questions import KINDS, Kind, Prepared
@@ -88,7 +89,7 @@ class Gateway:
         )
 
     def alias(self, named: str | None, role: Role) -> str:
-        """The alias that answers. Raises BadQuestion, naming the aliases there are."""
+        """The alias that answers. Raises BadQuestion, naming the aliases there are, or Forbidden."""
         alias = named or self.roles.get(role)
         if alias is None or alias not in self.backends:
             known = ", ".join(sorted(self.backends))
@@ -96,6 +97,8 @@ class Gateway:
             raise BadQuestion(
                 f"{what}; there are {known}", code="unknown_model", details={"models": sorted(self.backends)}
             )
+        if not asking.get().may_ask(alias):
+            raise Forbidden(f"this key may not ask model {alias!r}; GET /v1/models lists those it may")
         return alias
 
     async def _recorded_or_asked(

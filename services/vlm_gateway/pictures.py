@@ -1,13 +1,38 @@
 """Pictures as they come in: bounded and looked at, header only, before anybody decodes them."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
-from contracts.images import MAX_PIXELS, BadImage, JpegImage, decode_base64, image_header, jpeg_bytes
+from contracts.images import BadImage, ImageHeader, JpegImage, decode_base64, image_header, jpeg_bytes
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import Picture
+from services.vlm_gateway.config import ChatLimits
 
-_PREFIXES = ("data:image/jpeg;base64,", "data:image/jpg;base64,", "data:image/png;base64,")
+TYPES = ("image/jpeg", "image/jpg", "image/pjpeg", "image/png", "image/webp", "image/gif")
 _SHOWN = 60
+
+
+class CutOut(NamedTuple):
+    """A picture that was cut out of a request before it was parsed: its bytes, and the base64 that stood there."""
+
+    data: bytes
+    base64: memoryview
+
+
+CutOuts = Callable[[str], CutOut | None]
+"""The picture that a text stands for, or None where it stands for none."""
+
+
+class ChatPicture(NamedTuple):
+    """A picture of a chat: `place` is its message's and its part's index, `url` its data URL with the right type.
+    `correct` says that this is the URL the client sent."""
+
+    place: tuple[int, int]
+    url: str
+    correct: bool
+    header: ImageHeader
+    size_bytes: int
+    base64: memoryview | str
 
 
 def picture_of(image: JpegImage) -> Picture:
@@ -20,34 +45,45 @@ def picture_of(image: JpegImage) -> Picture:
     return Picture(data, header.width, header.height)
 
 
-def check_data_url(url: object, where: str, cut_out: Callable[[str], bytes | None] = lambda _: None) -> int:
-    """A pass-through picture: an inline JPEG or PNG whose header agrees and is within bounds. Returns its pixels.
-    `cut_out` gives the picture's bytes where something else stands in the URL for them.
+def inline_picture(
+    url: object, where: str, place: tuple[int, int], cut_outs: CutOuts, limits: ChatLimits
+) -> ChatPicture:
+    """A picture of a chat: inline JPEG, PNG, WebP or GIF, its header within bounds. What its data is counts, not what
+    the URL calls it. `cut_outs` gives the picture where something else stands in the URL for it.
 
     Raises BadQuestion: `no_urls` for anything that would have to be fetched, `bad_image` for the rest.
     """
     if not isinstance(url, str):
         raise BadQuestion(f"{where}: give the picture as a data: URL", code="bad_image")
-    if not url.startswith("data:"):
+    if url[:5].lower() != "data:":
         raise BadQuestion(
-            f"{where}: pictures are never fetched from an address; send data:image/jpeg;base64,... or "
-            "data:image/png;base64,...",
+            f"{where}: pictures are never fetched from an address; send data:image/jpeg;base64,... (or png, webp, gif)",
             code="no_urls",
         )
-    prefix = next((prefix for prefix in _PREFIXES if url.startswith(prefix)), None)
-    if prefix is None:
+    kind, comma, text = url[5:].partition(",")
+    mime, *parameters = (part.strip().lower() for part in kind.split(";"))
+    if mime not in TYPES or "base64" not in parameters or not comma:
         raise BadQuestion(
-            f"{where}: only inline JPEG and PNG pictures are taken, not {url[:_SHOWN]!r}", code="bad_image"
+            f"{where}: only JPEG, PNG, WebP and GIF pictures in base64 are taken, not {url[:_SHOWN]!r}",
+            code="bad_image",
         )
     try:
-        data = url[len(prefix) :]
-        header = image_header(cut_out(data) or decode_base64(data, where))
+        cut = cut_outs(text)
+        data = decode_base64(text, where) if cut is None else cut.data
+        header = image_header(data)
     except BadImage as error:
         raise BadQuestion(f"{where}: {error}" if where not in str(error) else str(error), code="bad_image") from None
-    pixels = header.width * header.height
-    if not 0 < pixels <= MAX_PIXELS:
-        message = f"{where}: the picture is {header.width} x {header.height}; at most {MAX_PIXELS} pixels are taken"
-        raise BadQuestion(message, code="bad_image")
-    if (header.format == "png") != (prefix == _PREFIXES[2]):
-        raise BadQuestion(f"{where}: the data is a {header.format} picture, its type says otherwise", code="bad_image")
-    return pixels
+    _check_size(header, where, limits)
+    right = f"data:image/{header.format};base64,{text}"
+    return ChatPicture(place, right, right == url, header, len(data), text if cut is None else cut.base64)
+
+
+def _check_size(header: ImageHeader, where: str, limits: ChatLimits) -> None:
+    width, height = header.width, header.height
+    if 0 < width * height <= limits.picture_pixels and max(width, height) <= limits.picture_side:
+        return
+    raise BadQuestion(
+        f"{where}: the picture is {width} x {height}; at most {limits.picture_pixels} pixels and "
+        f"{limits.picture_side} a side are taken",
+        code="bad_image",
+    )

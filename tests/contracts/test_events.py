@@ -13,6 +13,7 @@ from contracts.events import (
     KnownEvent,
     LostEvent,
     MoveEvent,
+    SearchEvent,
     TurnEvent,
     UnknownEvent,
     json_schema,
@@ -114,9 +115,13 @@ def test_data_of_the_wrong_kind_is_refused_where_it_is_written() -> None:
 
 def test_the_events_of_the_first_version_still_read() -> None:
     read = [read_event(line) for line in FIRST_VERSION.read_text(encoding="utf-8").splitlines()]
-    assert {e.kind for e in read} >= {"parsed", "placed", "floor_count", "look", "direction", "contour", "result"}
+    assert {e.kind for e in read} >= {"parsed", "placed", "floor_count", "look", "direction", "search", "result"}
     unknown = {e.kind for e in read if isinstance(e, UnknownEvent)}
     assert unknown == set()
+    searched = next(e for e in read if isinstance(e, SearchEvent))
+    assert searched.data.drawing is not None
+    assert searched.data.drawing.inspected
+    assert searched.data.inspected_share is not None
 
 
 def test_the_published_schema_is_that_of_todays_events() -> None:

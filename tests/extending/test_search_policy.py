@@ -6,8 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+from contracts.events import SearchEvent
 from contracts.orchestrator import DeliveryQuestion
-from mission.record import read_state
+from mission.record import read_events, read_state
 from tests.extending.conftest import install
 
 
@@ -36,6 +37,9 @@ def test_an_installed_policy_flies_by_its_name_and_is_recorded_with_its_settings
     assert state.memory == {"inspected_share": None, "stuck": 0}
     flown = (folder / "events.jsonl").read_text(encoding="utf-8")
     assert "along the widest way" in flown
+    told_by_policy = [event.data for event in read_events(folder) if isinstance(event, SearchEvent)]
+    assert told_by_policy
+    assert {data.policy for data in told_by_policy} == {"widest-way"}
 
 
 def test_a_setting_that_the_policy_has_not_got_is_refused_by_the_policys_own_list(extras: Path, tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ async def test_a_window_on_the_far_side_is_found_by_the_contour_explorer() -> No
 async def test_every_step_of_the_contour_explorer_leaves_what_a_viewer_can_draw() -> None:
     log = Events()
     await fly(BlockWorld(BEHIND), log)
-    steps = [e.data.explore for e in log.of("contour")]
+    steps = [e.data for e in log.of("search")]
     assert len(steps) > 1
     assert all(s.drawing.inspected for s in steps)
     assert any(s.drawing.expected for s in steps)
@@ -58,8 +58,8 @@ async def test_a_search_that_has_seen_it_all_ends_with_the_share_of_the_facade_i
     nothing = FindObjectAnswer(role="recognition", found=False, matches=(), **WHO)
     result = await fly(world, log, BlockVision(world, says={"find_object": [nothing] * 40}))
     assert result.outcome == "object_not_found"
-    last = log.of("contour")[-1].data.explore
-    assert last.status == "done"
+    last = log.of("search")[-1].data
+    assert last.details["status"] == "done"
     assert last.inspected_share > 0.98
     assert f"{100 * last.inspected_share:.0f} % of the facade" in result.message
     assert result.exploration_steps < 30

@@ -6,10 +6,11 @@ from typing import ClassVar, Literal
 
 from contracts.base import Metres, Wire
 from contracts.depth_assist import SafeDistancesQuestion, ViewpointQuestion, ViewpointSettings
+from contracts.event_data import SearchData
 from contracts.geometry import Pose
 from mission.looks import Look
 from mission.places import ahead
-from mission.policies.base import NextStop, NothingLeft, Onward, Plan, SearchMemory, SearchPolicy, SearchTools
+from mission.policies.base import NextStop, NothingLeft, Onward, Plan, SearchMemory, SearchPolicy, SearchTools, Told
 
 
 class WidestWaySettings(Wire):
@@ -42,7 +43,12 @@ class WidestWay(SearchPolicy[WidestWaySettings, WidestWayMemory]):
         if widest.distance_m >= self.settings.least_m:
             goal = ahead(look.pose, widest.bearing_deg, widest.distance_m)
             stop = NextStop((goal,), None, f"{widest.distance_m:.1f} m along the widest way")
-            return Decided(Onward(stop, WidestWayMemory()))
+            found = SearchData(
+                exploration_step=tools.exploration_step,
+                policy=self.name,
+                details={"way": widest.label, "free_m": round(widest.distance_m, 2)},
+            )
+            return Decided(Onward(stop, WidestWayMemory(), Told(f"widest way: {widest.label}", found)))
         return Decided(self._stuck(look.pose, memory.stuck + 1, tools.fallback_turn_deg))
 
     def _stuck(self, pose: Pose, stuck: int, turn_deg: float) -> Onward:

@@ -129,8 +129,8 @@ class ChatParser:
         if isinstance(error, Refused):
             if error.code in _PASSED_ON:
                 return ServiceError(error.reason, code=error.code, status=error.status, details=details)
-            if error.code == "unknown_model":
-                return BadQuestion(error.reason, code=error.code, details={**details, **error.details})
+            if error.code in ("unknown_model", "model_not_found") and "upstream_status" not in error.details:
+                return BadQuestion(error.reason, code="unknown_model", details={**details, **error.details})
             if error.status == 504:
                 return ServiceError(str(error), code="model_timeout", status=504, details=details)
             if error.status == 429:

@@ -39,7 +39,7 @@ def main(arguments: Sequence[str], environment: Mapping[str, str]) -> int:
     except BadSetting as error:
         return _failed(str(error), 2)
     except Refused as error:
-        return _failed(f"the gateway refuses {chosen.model!r}: {error.reason}", 2 if error.status == 422 else 1)
+        return _failed(f"the gateway refuses {chosen.model!r}: {error.reason}", 2 if error.status in (404, 422) else 1)
     except CallError as error:
         return _failed(str(error), 1)
     good = found.certainty in ("sure", "likely")

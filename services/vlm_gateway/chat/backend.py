@@ -25,10 +25,10 @@ from services.vlm_gateway.backends.base import (
 from services.vlm_gateway.chat import dialects, prompts, schemas
 from services.vlm_gateway.chat.boxes import Size
 from services.vlm_gateway.chat.extract import json_values, looks_like_refusal, without_reasoning
-from services.vlm_gateway.chat.reencode import fresh
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelRejected
 from services.vlm_gateway.presets import Structured
+from services.vlm_gateway.reencode import fresh
 from services.vlm_gateway.upstream.client import Completion, Upstream
 
 T = TypeVar("T")

@@ -4,13 +4,15 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from service_kit.errors import BadQuestion
+from service_kit.errors import NotFound
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.errors import ModelError, ModelRejected
 from services.vlm_gateway.hot.exchange import Stored
+from services.vlm_gateway.hot.fitting import PictureFitter
 from services.vlm_gateway.hot.relay import Course, Pieces, Relayed
-from services.vlm_gateway.hot.request import Chat
-from services.vlm_gateway.hot.scan import Scanned, rewritten
+from services.vlm_gateway.hot.request import Chat, part_types, unknown_fields, unknown_parts
+from services.vlm_gateway.hot.rewriting import rewritten
+from services.vlm_gateway.hot.scan import Scanned
 from services.vlm_gateway.keys import Forbidden, Key
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.upstream.client import Upstream
@@ -42,10 +44,6 @@ class ChatCall(NamedTuple):
         """Every target with the one that comes after it."""
         return zip(self.targets, [*self.targets[1:], None], strict=True)
 
-    def body_for(self, target: Upstream) -> list[Buffer]:
-        """The request in this target's words."""
-        return rewritten(self.scanned, self.chat, target.wanted)
-
 
 class Models:
     """`targets` by alias, in which `default` names the one that answers where a request names none."""
@@ -61,6 +59,7 @@ class Models:
         self.default = default
         self._cache = cache
         self._metrics = metrics
+        self._fitter = PictureFitter()
 
     @property
     def fingerprint(self) -> dict[str, object]:
@@ -68,24 +67,33 @@ class Models:
         return {alias: target.fingerprint for alias, target in sorted(self._targets.items())}
 
     def asked(self, chat: Chat, key: Key) -> list[Upstream]:
-        """The targets of a chat, in the order in which they are asked. Raises BadQuestion or Forbidden."""
+        """The targets of a chat, in the order in which they are asked: those that take all of its fields. Raises
+        NotFound, Forbidden or BadQuestion."""
         alias = chat.alias or self.default
-        first = None if alias is None else self._targets.get(alias)
         mine = sorted(alias for alias in self._targets if key.may_ask(alias))
-        if first is None or alias is None:
+        if alias is None or alias not in self._targets:
             why = "no model is named and none has the role 'parser'" if alias is None else f"no chat model {alias!r}"
             known = ", ".join(mine) or "none; configure one with backend 'chat'"
-            raise BadQuestion(f"{why}; chat models: {known}", code="unknown_model", details={"models": mine})
+            raise NotFound(f"{why}; chat models: {known}", code="model_not_found", details={"models": mine})
         if not key.may_ask(alias):
             raise Forbidden(f"this key may not ask model {alias!r}; it may ask {', '.join(mine) or 'none'}")
-        return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
+        first = self._targets[alias]
+        if chat.plain and not chat.further:
+            return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
+        if unknown := chat.further - first.accepts.fields:
+            raise unknown_fields(unknown, alias)
+        kinds = part_types(chat)
+        if unknown := kinds - first.accepts.part_types:
+            raise unknown_parts(unknown, alias)
+        others = (self._targets[name] for name in first.fallbacks if key.may_ask(name))
+        return [first, *(other for other in others if other.accepts.takes(chat.further, kinds))]
 
     async def whole(self, call: ChatCall) -> Answered:
         """Target by target, until one answers."""
         for target, after in call.in_turn():
             started = time.perf_counter()
             try:
-                answer = await target.whole(call.body_for(target), call.trace)
+                answer = await target.whole(await self._body(target, call), call.trace)
                 if answer.said.message is None:
                     raise target.no_choice()
             except ModelError as error:
@@ -128,12 +136,19 @@ class Models:
                 self._keep(call, target, Stored(target.alias, True, whole))
             return
 
+    async def _body(self, target: Upstream, call: ChatCall) -> list[Buffer]:
+        """The request in this target's words, its pictures scaled where the target takes no such ones. Raises
+        BadQuestion (`bad_image`)."""
+        pictures, accepts = call.chat.pictures, target.accepts
+        scaled = await self._fitter.fitted(pictures, accepts.pictures) if pictures else None
+        return rewritten(call.scanned, call.chat, accepts, scaled)
+
     async def _opened(self, target: Upstream, call: ChatCall) -> ChatStream:
         """The stream of one target. A server that does not know how to count a stream's tokens isn't asked to again."""
         while True:
-            counting = target.wanted.counts_streams and not call.chat.wants_usage
+            counting = target.accepts.counts_streams and not call.chat.wants_usage
             try:
-                return await target.stream(call.body_for(target), call.trace, without_usage=counting)
+                return await target.stream(await self._body(target, call), call.trace, without_usage=counting)
             except ModelRejected as error:
                 if not counting or not target.refuses_to_count(error):
                     raise

@@ -11,9 +11,10 @@ from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE
 from uvicorn.server import ServerState
 
+from contracts.errors import ErrorBody, ErrorDetail
 from contracts.vlm_gateway import CacheResult
-from service_kit.errors import BadQuestion, ServiceError
-from service_kit.requests import EXPOSED
+from service_kit.errors import BadQuestion, ServiceError, error_response
+from service_kit.requests import EXPOSED, Origins
 from services.vlm_gateway.hot.deadline import Deadline, caller_left, stated_timeout_s
 from services.vlm_gateway.keys import ANYBODY, Key
 
@@ -205,6 +206,14 @@ class Exchange:
             self.response_complete = True
             self._line.transport.close()
 
+    def from_page(self, head: Head, origins: Origins) -> None:
+        """The caller is a web page. Raises UnsupportedMedia where it may not send this."""
+        origin = (head.origin or b"").decode("latin-1")
+        if origins.names(origin):
+            self.allowed_origin = head.origin
+        kind, host = (head.kind or b"").decode("latin-1"), (head.host or b"").decode("latin-1")
+        origins.check(kind, origin, host)
+
     def _head(self, status: int, headers: Iterable[Header]) -> bytes:
         self.response_started, self.status = True, status
         if self._expects_100 and not self.size:
@@ -238,6 +247,17 @@ def too_large(limit: int) -> ServiceError:
     """The body is over its bound."""
     message = f"the body is over this route's limit of {limit} bytes; send less"
     return ServiceError(message, code="body_too_large", status=413)
+
+
+def rendered(error: ServiceError) -> Response:
+    """An error as an answer."""
+    return error_response(error.status, error.code, error.message, error.details, error.headers)
+
+
+def event_of(error: ServiceError) -> bytes:
+    """An error as the last event of a stream."""
+    body = ErrorBody(error=ErrorDetail(code=error.code, message=error.message, details=error.details))
+    return b"\n\ndata: " + body.model_dump_json().encode() + b"\n\n"  # first ends whatever line was cut
 
 
 class Stored(NamedTuple):

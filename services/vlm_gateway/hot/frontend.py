@@ -1,7 +1,7 @@
 """`POST /v1/chat/completions` from the first byte to the last, in front of the framework that serves everything else.
 
     whose request is it, and may it    key, budgets                              `chat`
-    what is in it                      body, bounded; pictures cut out           `_body`, scan
+    what is in it                      body, bounded; pictures cut out           Exchange.body, scan
     is it known                        hash of tenant, configuration, raw body   `_known`
     is it sound                        fields, pictures' headers                 scan.read
     is it being asked                  one call for all who ask the same         Flights, Broadcast
@@ -18,22 +18,21 @@ from collections.abc import Callable
 from functools import partial
 
 from blake3 import blake3
-from fastapi.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from contracts.errors import ErrorBody, ErrorDetail
 from contracts.health import Access
 from service_kit.auth import OPEN_PATHS, note_access
-from service_kit.errors import ServiceError, error_response
+from service_kit.errors import ServiceError
 from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins, without_encoding
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.port import CacheDown
+from services.vlm_gateway.config import ChatLimits
 from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorded, kind_of
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.hot.calls import Answered, ChatCall, Models
 from services.vlm_gateway.hot.deadline import too_late
-from services.vlm_gateway.hot.exchange import Exchange, Head, Stored, head_of, too_large
+from services.vlm_gateway.hot.exchange import Exchange, Head, Stored, event_of, head_of, rendered, too_large
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.relay import Broadcast, Course
 from services.vlm_gateway.hot.scan import Scanned, read, scan
@@ -66,7 +65,7 @@ class Frontend:
         http: HttpMetrics,
         request_log: RequestLog,
         *,
-        max_body_bytes: int,
+        limits: ChatLimits,
         origins: Origins,
     ) -> None:
         self._app = app
@@ -76,7 +75,8 @@ class Frontend:
         self._metrics = metrics
         self._http = http
         self._log = request_log
-        self.max_body_bytes = max_body_bytes
+        self._limits = limits
+        self.max_body_bytes = limits.body_bytes
         self._origins = origins
         self._models = models
         self._flights: Flights[Answered] = Flights()
@@ -108,7 +108,7 @@ class Frontend:
                 key.enter()
         except ServiceError as error:
             self._metrics.refused("", error.code)
-            await _rendered(error)(scope, receive, send)
+            await rendered(error)(scope, receive, send)
             self._http.requests.add("refused", scope["method"], str(error.status))
             return
         asking.set(key)
@@ -132,7 +132,7 @@ class Frontend:
         try:
             head = exchange.head
             if head.origin is not None:
-                self._check_origin(head, exchange)
+                exchange.from_page(head, self._origins)
             exchange.key = self._keys.of(head.authorization)
             exchange.key.enter()
             asking.set(exchange.key)
@@ -159,9 +159,9 @@ class Frontend:
         if not exchange.response_started:
             if error.status == 408:
                 exchange.keep_alive = False  # what is left of the body is not waited for
-            exchange.tell(_rendered(error))
+            exchange.tell(rendered(error))
         elif not exchange.response_complete:
-            exchange.last(_event(error))
+            exchange.last(event_of(error))
 
     async def _watched(self, head: Head, exchange: Exchange) -> None:
         """The chat, for as long as its caller stays and is going to wait."""
@@ -184,14 +184,6 @@ class Frontend:
             task.uncancel()
             raise deadline.why from None
 
-    def _check_origin(self, head: Head, exchange: Exchange) -> None:
-        """Raises UnsupportedMedia."""
-        origin = (head.origin or b"").decode("latin-1")
-        if self._origins.names(origin):
-            exchange.allowed_origin = head.origin
-        kind, host = (head.kind or b"").decode("latin-1"), (head.host or b"").decode("latin-1")
-        self._origins.check(kind, origin, host)
-
     async def _served(self, head: Head, raw: bytes, exchange: Exchange) -> None:
         scanned = scan(raw)
         cache, digest = self._cache, ""
@@ -204,7 +196,7 @@ class Frontend:
                 exchange.answer(stored.body, _EVENTS if stored.stream else _JSON)
                 return
         big = len(scanned.skeleton) > BIG_SKELETON_BYTES
-        scanned, chat = await asyncio.to_thread(read, scanned) if big else read(scanned)
+        scanned, chat = await asyncio.to_thread(read, scanned, self._limits) if big else read(scanned, self._limits)
         if digest and not (chat.deterministic or head.cache or replay):
             digest, exchange.cache = "", "off"
         call = ChatCall(self._models.asked(chat, exchange.key), scanned, chat, head.trace, digest)
@@ -296,12 +288,3 @@ class Frontend:
                 ms=round(took_s * 1000, 2),
                 answer_bytes=exchange.sent,
             )
-
-
-def _rendered(error: ServiceError) -> Response:
-    return error_response(error.status, error.code, error.message, error.details, error.headers)
-
-
-def _event(error: ServiceError) -> bytes:
-    body = ErrorBody(error=ErrorDetail(code=error.code, message=error.message, details=error.details))
-    return b"\n\ndata: " + body.model_dump_json().encode() + b"\n\n"  # first ends whatever line was cut

@@ -14,6 +14,7 @@ from contracts.base import Wire
 
 BoxStyle = Literal["unit", "thousand", "pixels", "resized_pixels"]
 BoxOrder = Literal["xyxy", "yxyx", "xywh"]
+ImageFormat = Literal["jpeg", "png", "webp", "gif"]
 Structured = Literal[
     "json_schema",
     "json_object",
@@ -64,8 +65,12 @@ class Server(Wire):
     since 0.12; `grammar` is llama.cpp's GBNF; `format` Ollama's; `none` asks in words only. Whatever a server promises,
     every answer is checked here. `max_tokens_field` is what it calls the limit of the answer's length.
     `max_image_bytes` and `max_image_side` (pixels) bound one picture; larger ones are scaled
-    down before they are sent. `extra` is sent with every typed question. `counts_streams`: it takes OpenAI's
-    `stream_options`.
+    down before they are sent, and so are those in none of its `image_formats`. `extra` is sent with every typed
+    question. `counts_streams`: it takes OpenAI's `stream_options`.
+
+    Of a chat's fields, `passes` go to it besides OpenAI's common ones; of a message's and a part's, `message_fields`
+    and `part_fields` do, and others are dropped (`*` passes all); `part_types` besides texts and pictures. Without
+    `developer_role` that role is called `system`.
     """
 
     about: str
@@ -77,7 +82,13 @@ class Server(Wire):
     counts_streams: bool = True
     max_image_bytes: int = Field(default=20_000_000, ge=10_000)
     max_image_side: int = Field(default=8192, ge=64)
+    image_formats: tuple[ImageFormat, ...] = ("jpeg", "png")
     extra: dict[str, Any] = {}
+    passes: tuple[str, ...] = ()
+    message_fields: tuple[str, ...] = ()
+    part_fields: tuple[str, ...] = ()
+    part_types: tuple[str, ...] = ()
+    developer_role: bool = False
 
 
 @cache

@@ -5,7 +5,7 @@ import asyncio
 import logging
 import re
 import ssl
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
 
@@ -17,6 +17,7 @@ from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelError, ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.keys import asking
 from services.vlm_gateway.upstream import health
+from services.vlm_gateway.upstream.accepted import accepted
 from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Stream
 from services.vlm_gateway.upstream.pool import Pool, Server
 from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said, said_in
@@ -35,16 +36,6 @@ class Call(NamedTuple):
     api: Api
     url: str
     body: bytes
-
-
-class Wanted(NamedTuple):
-    """What a target makes of a chat request: its model's name as JSON, its name for the length limit, fields to add
-    where the client does not give them. `counts_streams`: it is asked to say at a stream's end what that cost."""
-
-    model_json: bytes
-    limit_field: str
-    extra: Mapping[str, Any]
-    counts_streams: bool = False
 
 
 class Answer(NamedTuple):
@@ -71,9 +62,7 @@ class Upstream:
         self.alias = model.alias
         self.model = model
         self.provider = model.config.server
-        self.wanted = Wanted(
-            to_json(model.config.model), model.server.max_tokens_field, model.config.extra, model.counts_streams
-        )
+        self.accepts = accepted(model, to_json(model.config.model))
         self.fallbacks = model.config.fallbacks
         self.fallback_after = frozenset(model.config.fallback_after)
         self.admission = Admission(model.alias, model.config.concurrency, model.config.queue)
@@ -101,7 +90,7 @@ class Upstream:
     def fingerprint(self) -> list[object]:
         """What of the configuration an answer depends on."""
         config = self.model.config
-        return [config.model, config.revision, config.extra, self.wanted.limit_field]
+        return [config.model, config.revision, config.extra, self.accepts.fingerprint]
 
     async def close(self) -> None:
         self._pool.close()
@@ -115,7 +104,7 @@ class Upstream:
         if not _COUNTING.search(error.message):
             return False
         log.warning("the server of model %r takes no stream_options: its streams are estimated", self.alias)
-        self.wanted = self.wanted._replace(counts_streams=False)
+        self.accepts = self.accepts._replace(counts_streams=False)
         return True
 
     async def ask(self, call: Call) -> Completion:

@@ -11,8 +11,8 @@ import typer
 from typer.testing import CliRunner
 
 from command_line.report import report
-from contracts.depth_assist import ExploreDrawing, ExploreStep
-from contracts.event_data import ContourData, LookData, MoveData, PlacedData
+from contracts.depth_assist import ExploreDrawing
+from contracts.event_data import LookData, MoveData, PlacedData, SearchData
 from contracts.geometry import Point3, Pose
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, SearchSettings
@@ -80,11 +80,7 @@ def recorded(run: Path, task: Task, result: DeliveryResult, drawing: ExploreDraw
     look = LookData(exploration_step=1, pose=pose, object="pot", answer=nothing, render_s=0.1, seconds=0.1)
     record.write(3, "explore", "step 1: no <pot> in sight", look, lambda: views)
     if drawing is not None:
-        step = ExploreStep(
-            status="move", reason="towards facade", stop=None, bearing_deg=0.0, distance_m=4.0, yaw=0.0,
-            gain_m=2.0, way_m=4.0, inspected_share=0.5, step=1, drawing=drawing,
-        )  # fmt: skip
-        record.write(4, "explore", "towards facade", ContourData(exploration_step=1, explore=step, map_bytes=0))
+        record.write(4, "explore", "towards facade", SearchData(exploration_step=1, policy="own", drawing=drawing))
     record.conclude(result)
     record.announce(result)
     return a_record(task, result, folder=f"episodes/{task.id}")

@@ -106,7 +106,7 @@ def test_the_named_model_answers_beside_the_default(serve: Callable[[ASGIApp], s
 
 def test_an_alias_that_the_gateway_does_not_know_is_a_422(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
     url = serve(bootstrap(LlmParserSettings.read({"VLM_GATEWAY_URL": model_server.url})))
-    model_server.fails(422, "unknown_model", "no chat model 'gpt-9'; chat models: none")
+    model_server.fails(404, "model_not_found", "no chat model 'gpt-9'; chat models: none")
     answer = httpx.post(f"{url}/v1/parse", json={"request": REQUEST, "model": "gpt-9"}, timeout=60)
     assert (answer.status_code, answer.json()["error"]["code"]) == (422, "unknown_model")
 

@@ -88,23 +88,19 @@ REFUSED = [
     ("not base64", with_picture("data:image/png;base64,%%%%"), "bad_image"),
     ("no picture", with_picture("data:image/png;base64,aGVsbG8gd29ybGQ="), "bad_image"),
     ("a PNG bomb", with_picture("data:image/png;base64," + base64.b64encode(png_bomb()).decode()), "bad_image"),
-    (
-        "a PNG called JPEG",
-        with_picture(
-            "data:image/jpeg;base64," + base64.b64encode(png_bomb()[:16] + (5).to_bytes(4, "big") * 2).decode()
-        ),
-        "bad_image",
-    ),
     ("an unknown field", chat(chat_template="{{}}"), "unknown_field"),
     ("an address to call", chat(base_url="http://evil"), "unknown_field"),
     ("many answers", chat(n=50), "invalid"),
     ("endless answers", chat(max_tokens=10_000_000), "invalid"),
     ("no messages", chat(messages=[]), "invalid"),
     ("a wild role", chat(messages=[{"role": "root", "content": "x"}]), "invalid"),
-    ("a wild part", chat(messages=[{"role": "user", "content": [{"type": "video_url", "video_url": "x"}]}]), "invalid"),
-    ("a wild message", chat(messages=[{"role": "user", "content": "x", "fetch": "y"}]), "unknown_field"),
+    (
+        "a wild part",
+        chat(messages=[{"role": "user", "content": [{"type": "video_url", "video_url": "x"}]}]),
+        "unknown_part",
+    ),
+    ("a part of no kind", chat(messages=[{"role": "user", "content": [{"text": "x"}]}]), "invalid"),
     ("a hot temperature", chat(temperature=9), "invalid"),
-    ("an unknown model", chat(model="gpt-9"), "unknown_model"),
     (
         "too many pictures",
         chat(
@@ -112,7 +108,7 @@ REFUSED = [
                 {
                     "role": "user",
                     "content": with_picture("data:image/jpeg;base64," + picture_base64())["messages"][0]["content"]
-                    * 20,
+                    * 65,
                 }
             ]
         ),

@@ -10,7 +10,7 @@ import pytest
 
 from service_kit.settings import BadSetting
 from services.vlm_gateway.bootstrap import build
-from services.vlm_gateway.config import ChatModelConfig, KeyConfig, chat_model, load_config
+from services.vlm_gateway.config import ChatLimits, ChatModelConfig, KeyConfig, chat_model, load_config
 from services.vlm_gateway.presets import families, servers
 from services.vlm_gateway.settings import GatewaySettings
 
@@ -163,5 +163,7 @@ def test_the_example_of_the_documentation_is_right(tmp_path: Path) -> None:
 
 def test_the_documentation_lists_every_preset_and_every_key() -> None:
     page = (Path(__file__).parents[3] / "docs" / "gateway.md").read_text(encoding="utf-8")
-    for name in (*servers(), *families(), *ChatModelConfig.model_fields, *KeyConfig.model_fields):
+    tables = (ChatModelConfig, KeyConfig, ChatLimits)
+    keys = [field.alias or name for table in tables for name, field in table.model_fields.items()]
+    for name in (*servers(), *families(), *keys):
         assert f"`{name}`" in page or f"{name} =" in page, name

@@ -14,9 +14,9 @@ from services.vlm_gateway.backends.base import Picture
 from services.vlm_gateway.chat import schemas
 from services.vlm_gateway.chat.boxes import Size
 from services.vlm_gateway.chat.grammar import gbnf
-from services.vlm_gateway.chat.reencode import fresh
 from services.vlm_gateway.config import ChatModelConfig, chat_model
 from services.vlm_gateway.presets import families, servers
+from services.vlm_gateway.reencode import fresh
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import build, chat_backend, direction_body, find_body, floors_body, post
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, sends

@@ -233,7 +233,7 @@ def jpeg_bomb() -> bytes:
     [
         (base64.b64encode(png_bomb()).decode(), "send a JPEG"),
         (base64.b64encode(jpeg_bomb()).decode(), "60000 x 60000"),
-        (base64.b64encode(b"GIF89a" + bytes(50)).decode(), "not a JPEG or PNG"),
+        (base64.b64encode(b"GIF89a" + bytes(50)).decode(), "holds a gif picture; send a JPEG"),
         (base64.b64encode(b"\xff\xd8\xff").decode(), "ends before its frame header"),
         ("http://example.org/picture.jpg", "not valid base64"),
         ("///", "at least 4 characters"),

@@ -13,10 +13,10 @@ import httpx
 import openai
 import pytest
 
-from services.vlm_gateway.config import KeyConfig
+from services.vlm_gateway.config import ChatLimits, KeyConfig
 from services.vlm_gateway.keys import Keys, new_key
 from tests.conftest import RedisProcess, Serve
-from tests.services.vlm_gateway.kit import build, chat_backend, metric, picture_base64, sqlite_cache
+from tests.services.vlm_gateway.kit import build, chat_backend, floors_body, metric, picture_base64, sqlite_cache
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, hangs, says, says_when, status, streams
 
 PATH = "/v1/chat/completions"
@@ -210,7 +210,7 @@ def test_a_trace_goes_on_and_what_was_spent_is_counted(serve: Serve, mock: OpenA
 
 
 def test_bodies_are_bounded_while_they_come_in(serve: Serve, mock: OpenAiMock) -> None:
-    url = serve(build({"m": chat_backend(mock)}, max_body_bytes=10_000).app)
+    url = serve(build({"m": chat_backend(mock)}, limits=ChatLimits(body_bytes=10_000)).app)
     stated = httpx.post(url + PATH, content=b"x" * 20_000, timeout=60)
 
     def endless() -> Any:
@@ -244,12 +244,25 @@ def test_the_openai_client_works_unchanged(serve: Serve, mock: OpenAiMock) -> No
             model="m", messages=[{"role": "user", "content": "hi"}], stream=True
         ) as stream:
             assert "".join(chunk.choices[0].delta.content or "" for chunk in stream) == "one two"
-        with pytest.raises(openai.UnprocessableEntityError) as refused:
+        with pytest.raises(openai.NotFoundError) as refused:
             client.chat.completions.create(model="gpt-9", messages=[{"role": "user", "content": "hi"}])
-        assert refused.value.code == "unknown_model"
+        assert refused.value.code == "model_not_found"
         mock.will(status(429, retry_after="7"))
         with pytest.raises(openai.RateLimitError) as limited:
             client.chat.completions.create(model="m", messages=[{"role": "user", "content": "hi"}])
         assert limited.value.response.headers["retry-after"] == "7"
     with pytest.raises(openai.AuthenticationError):
         openai.OpenAI(base_url=url + "/v1", api_key="sk-wrong", max_retries=0).models.list()
+
+
+def test_a_key_sees_and_asks_only_its_own_models(serve: Serve, mock: OpenAiMock) -> None:
+    made = new_key()
+    keys = Keys({"k": KeyConfig(sha256=made.sha256, models=("m",))})
+    backends = {"m": chat_backend(mock), "secret": chat_backend(mock, alias="secret")}
+    url = serve(build(backends, roles={"floors": "secret"}, keys=keys).app)
+    mine = {"authorization": f"Bearer {made.key}"}
+    listed = httpx.get(url + "/v1/models", headers=mine, timeout=60).json()["data"]
+    assert [model["id"] for model in listed] == ["m"]
+    assert httpx.get(url + "/v1/models/secret", headers=mine, timeout=60).status_code == 404
+    typed = httpx.post(url + "/v1/floor-count", json=floors_body(), headers=mine, timeout=60)
+    assert (typed.status_code, typed.json()["error"]["code"]) == (403, "forbidden")

@@ -6,11 +6,20 @@ from typing import Any
 import pytest
 
 from service_kit.errors import BadQuestion
-from services.vlm_gateway.hot.scan import read, rewritten, scan
-from services.vlm_gateway.upstream.client import Wanted
-from tests.services.vlm_gateway.kit import picture_base64
+from services.vlm_gateway.config import NO_LIMITS_SET
+from services.vlm_gateway.hot.rewriting import rewritten
+from services.vlm_gateway.hot.scan import read, scan
+from services.vlm_gateway.upstream.accepted import Accepted, accepted
+from tests.services.vlm_gateway.kit import chat_settings, picture_base64
 
-WANTED = Wanted(b'"maker/model"', "max_tokens", {})
+
+def taken(model: str = "maker/model", **settings: Any) -> Accepted:
+    """What a server of which nothing is known takes."""
+    settings = {"preset": "generic-vision", "counts_streams": False, **settings}
+    return accepted(chat_settings(None, **settings), json.dumps(model).encode())
+
+
+WANTED = taken()
 URL = "data:image/jpeg;base64," + picture_base64(400, 300)
 
 
@@ -19,8 +28,8 @@ def body(url: str = URL, **more: Any) -> dict[str, Any]:
     return {"messages": [{"role": "user", "content": parts * 2}], "model": "m", "temperature": 0, **more}
 
 
-def sent(raw: bytes, wanted: Wanted = WANTED) -> bytes:
-    scanned, chat = read(scan(raw))
+def sent(raw: bytes, wanted: Accepted = WANTED) -> bytes:
+    scanned, chat = read(scan(raw), NO_LIMITS_SET)
     return b"".join(bytes(piece) for piece in rewritten(scanned, chat, wanted))
 
 
@@ -50,7 +59,7 @@ def test_what_takes_more_than_a_name_says_the_same_afterwards(more: dict[str, An
 
 
 def test_settings_are_added_and_do_not_override_the_caller_s() -> None:
-    wanted = Wanted(b'"x"', "max_tokens", {"top_k": 3, "temperature": 1})
+    wanted = taken("x", extra={"top_k": 3, "temperature": 1})
     said = json.loads(sent(json.dumps(body()).encode(), wanted))
     assert (said["top_k"], said["temperature"]) == (3, 0)
 
