@@ -73,11 +73,13 @@ class Mission:
         return step.state.model_copy(update={"stage": end, "flight": None})
 
     async def _release(self, state: MissionState) -> None:
-        drone = self._context.drone
-        if drone is None:
+        if state.vehicle is None:
             return
         try:
-            await asyncio.wait_for(drone.vehicle.release(), RELEASE_DEADLINE_S)
+            async with asyncio.timeout(RELEASE_DEADLINE_S):
+                context = await self._context.with_drone(state)
+                if context.drone is not None:
+                    await context.drone.vehicle.release()
         except (PortError, TimeoutError) as error:
             log.warning("the drone %s could not be given back: %s", state.vehicle, error)
 
