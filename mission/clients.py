@@ -175,7 +175,7 @@ async def _reached(call: Awaitable[T]) -> T:
     except Unreachable as error:
         raise ServiceUnreachable(str(error)) from None
     except Garbled as error:
-        raise ServiceRefused(str(error), code="garbled", status=502) from None
+        raise ServiceUnreachable(f"{error}; is that our service, and of this version?") from None
     except Refused as error:
         if error.code == "unknown_model":
             raise UnknownModel(f"{error.service}: {error.reason}") from None
@@ -185,4 +185,6 @@ async def _reached(call: Awaitable[T]) -> T:
             variable = TOKEN_VARIABLES[error.service]
             right = f"set {variable} or {variable}_FILE to one that it accepts"
             raise ServiceUnreachable(f"{error.service} refuses our token ({error.status}); {right}") from None
+        if error.status == 429 or error.status >= 500:
+            raise ServiceUnreachable(str(error)) from None
         raise ServiceRefused(str(error), code=error.code, status=error.status) from None
