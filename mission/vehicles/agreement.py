@@ -10,6 +10,7 @@ A check needs a vehicle of its own that has flown nothing, and raises AssertionE
 
 import asyncio
 import math
+import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -253,12 +254,13 @@ async def _holding(vehicle: Vehicle) -> VehicleState:
 
 
 async def _until(vehicle: Vehicle, mode: FlightMode, fits: Callable[[VehicleState], bool]) -> VehicleState:
-    async with asyncio.timeout(PATIENCE_S):
-        while True:
-            state = await vehicle.state()
-            if state.mode == mode and fits(state):
-                return state
-            await asyncio.sleep(0.02)
+    give_up = time.monotonic() + PATIENCE_S
+    while True:
+        state = await vehicle.state()
+        if state.mode == mode and fits(state):
+            return state
+        assert time.monotonic() < give_up, f"it was to be {mode}, but is {state}"
+        await asyncio.sleep(0.02)
 
 
 def _gap_m(a: Pose | Point3, b: Pose | Point3) -> float:

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import pytest
 
@@ -94,7 +95,7 @@ VEHICLES: dict[str, Callable[[str], AbstractAsyncContextManager[Candidate]]] = {
 
 
 async def begun(judged: Judged, key: str = "") -> Any:
-    return await judged.trial.begin(key or f"key-{id(judged)}", judged.scene, AS_WATCHED, RIG)
+    return await judged.trial.begin(key or f"key-{uuid4().hex}", judged.scene, AS_WATCHED, RIG)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
