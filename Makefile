@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-real-server check format schema configuration load bench-sim bench-model train clean
+.PHONY: help setup demo samples test test-slow test-train test-clients test-real-server check format schema configuration load bench-sim bench-model train clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -48,6 +48,22 @@ test-slow: setup .venv/.redis  ## the tests that take minutes
 test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
 	@$(BIN)/python -m pytest -m train --timeout 1800 tests/training
+
+test-clients: setup .cache/clients/.ready .cache/clients-node/.ready  ## client libraries (Python and npm), unchanged, through the gateway (needs node and npm)
+	@$(BIN)/python -m pytest -m clients tests/clients
+
+.cache/clients/.ready:
+	@echo "preparing client libraries in .cache/clients"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/clients
+	@$(BIN)/uv pip install --quiet --python .cache/clients/bin/python openai==3.3.0 litellm==1.110.2 \
+	  langchain-openai==1.7.4 instructor==1.17.0 "pydantic-ai-slim[openai]==2.38.0" anthropic==2.14.0
+	@touch $@
+
+.cache/clients-node/.ready: tests/clients/package.json
+	@scripts/system_packages.sh "nodejs=command -v node" "npm=command -v npm"
+	@mkdir -p .cache/clients-node && cp tests/clients/package.json .cache/clients-node/
+	@cd .cache/clients-node && npm install --silent --no-package-lock
+	@touch $@
 
 test-real-server: setup .cache/real-server/.ready .cache/llama-server/.ready  ## the gateway before real model servers with tiny random models (6 GB of packages, once)
 	@$(BIN)/python -m pytest -m real_server --timeout 1800 tests/real_server

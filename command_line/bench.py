@@ -150,6 +150,18 @@ def bench(
         typer.echo(json.dumps(summary.model_dump(mode="json"), ensure_ascii=False))
     else:
         print_summary(Console(), summary, str(place))
+    if summary.infrastructure:
+        stop(
+            f"{summary.infrastructure} of {summary.tasks} episodes say nothing about {backend}: a model or a service "
+            f"was out of reach ({_first_reason(folder)}); the same command with --out {place} flies them again",
+            FAILED,
+        )
+
+
+def _first_reason(folder: RunFolder) -> str:
+    """Of the first episode that says nothing, why not."""
+    record = next(record for record in folder.in_order() if not record.judged)
+    return record.error or (record.result.message if record.result is not None else "no reason is known")
 
 
 def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -> Summary:

@@ -38,7 +38,7 @@ class LiveProgress(Redrawn):
         grid.add_row("", ProgressBar(total=max(1, now.total), completed=now.done, width=40))
         grid.add_row("rate", _rate(now))
         grid.add_row("time left", _left(now))
-        grid.add_row("success", str(proportion(now.successes, now.done)))
+        grid.add_row("success", _success(now))
         if self._reasons:
             grid.add_row("outcomes", "  ".join(f"{name} {n}" for name, n in self._reasons.most_common()))
         for line in self._last:
@@ -59,11 +59,15 @@ class PlainProgress(Printed):
             return
         self._said = time.monotonic()
         self._console.print(
-            f"{self._title}: {now.done}/{now.total} done, {_rate(now)}, {_left(now)} left, "
-            f"success {proportion(now.successes, now.done)}",
+            f"{self._title}: {now.done}/{now.total} done, {_rate(now)}, {_left(now)} left, success {_success(now)}",
             highlight=False,
             soft_wrap=True,
         )
+
+
+def _success(now: Standing) -> str:
+    left_out = f", {now.infrastructure} infrastructure" if now.infrastructure else ""
+    return f"{proportion(now.successes, now.done - now.infrastructure)}{left_out}"
 
 
 def _rate(now: Standing) -> str:

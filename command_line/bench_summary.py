@@ -10,6 +10,8 @@ def print_summary(console: Console, summary: Summary, folder: str) -> None:
     """The main table, success by group, why episodes failed, and where everything lies."""
     main = Table(box=None, padding=(0, 2), show_header=False)
     main.add_row("tasks", f"{summary.tasks}" + (f" of {summary.planned}" if summary.tasks < summary.planned else ""))
+    left_out = " (left out of every rate)" if summary.infrastructure else ""
+    main.add_row("infrastructure failures", f"{summary.infrastructure}{left_out}")
     main.add_row("success rate", spoken(summary.success))
     spl = f"{_number(summary.spl.horizontal)} horizontal, {_number(summary.spl.spatial)} spatial"
     main.add_row("SPL", f"{spl}; an ideal lap {_number(summary.ideal_lap_spl)}")

@@ -79,16 +79,8 @@ class Finding(NamedTuple):
 
 def examine(environment: Mapping[str, str], runs: Path) -> list[Finding]:
     """All findings; nothing is changed on the machine, except that the folder of the records is made."""
-    return [
-        _python(),
-        _packages(),
-        _renderer(),
-        _settings(environment),
-        _redis(environment),
-        *_ports(),
-        _disk(runs),
-        _samples(),
-    ]
+    machine = [_python(), _packages(), _renderer()]
+    return [*machine, _settings(environment), _redis(environment), *_ports(), _disk(runs), _samples()]
 
 
 def _python() -> Finding:
@@ -98,9 +90,11 @@ def _python() -> Finding:
 
 
 def _packages() -> Finding:
-    missing = [
-        name for name in required_packages(importlib.metadata.requires("logisticsvln") or []) if not _there(name)
-    ]
+    try:
+        requirements = importlib.metadata.requires("logisticsvln") or []
+    except importlib.metadata.PackageNotFoundError:
+        return Finding("Packages", False, "the project itself is not installed", "`make setup`")
+    missing = [name for name in required_packages(requirements) if not _there(name)]
     found = f"missing: {', '.join(missing)}" if missing else "all there"
     return Finding("Packages", not missing, found, "`make setup`" if missing else "")
 

@@ -96,6 +96,8 @@ def evaluate(
         typer.echo(scores.model_dump_json())
     else:
         print_scores(Console(), scores)
+    if given.unreachable:
+        stop(f"{given.unreachable} questions are left out of the figures: the model was out of reach", FAILED)
 
 
 def _about_beside(answers: Path) -> dict[str, Any]:

@@ -63,6 +63,9 @@ def ask_alone(
         typer.echo(told)
     else:
         print_scores(Console(), scores)
+    if missing := scores.model_calls.unreachable:
+        asked = scores.questions + missing
+        stop(f"{missing} of {asked} questions are left out of the figures: the model was out of reach", FAILED)
 
 
 def _examine(job: AskJob, tasks: Sequence[Task], workers: int, console: Console) -> SubtaskScores:

@@ -1,6 +1,6 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
-from collections.abc import Awaitable, Sequence
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -32,17 +32,14 @@ from contracts.vlm_gateway import (
     PreflightQuestion,
 )
 from mission.episodes import EpisodeTrial
-from mission.ports import ModelUnreachable, Ports, ServiceRefused, ServiceUnreachable, UnknownModel
+from mission.ports import Ports, ServiceRefused
+from mission.reached import reached
 from mission.vehicle import Trial
 from service_kit.addresses import Addresses
-from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
-from service_kit.connections import NO_TOKENS, TOKEN_VARIABLES, Tokens
+from service_kit.client import ServiceClient
+from service_kit.connections import NO_TOKENS, Tokens
 
 M = TypeVar("M", bound=BaseModel)
-T = TypeVar("T")
-
-MODEL_TROUBLE = frozenset({"model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded"})
-"""The error codes by which a service says that it is well but its model did not answer."""
 
 MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
@@ -55,7 +52,7 @@ class HttpParser:
         self._client = client
 
     async def parse(self, question: ParseQuestion) -> ParseAnswer:
-        return await _reached(self._client.call("POST", "/v1/parse", ParseAnswer, question))
+        return await reached(self._client.call("POST", "/v1/parse", ParseAnswer, question))
 
 
 class HttpVision:
@@ -78,7 +75,7 @@ class HttpVision:
         return await self._ask("/v1/choose-direction", ChooseDirectionAnswer, question)
 
     async def _ask(self, path: str, answer: type[M], question: BaseModel) -> M:
-        return await _reached(self._client.call("POST", path, answer, question))
+        return await reached(self._client.call("POST", path, answer, question))
 
 
 class HttpDepthAssist:
@@ -86,16 +83,16 @@ class HttpDepthAssist:
         self._client = client
 
     async def viewpoint(self, question: ViewpointQuestion) -> ViewpointAnswer:
-        return await _reached(self._client.call("POST", "/v1/viewpoint", ViewpointAnswer, question))
+        return await reached(self._client.call("POST", "/v1/viewpoint", ViewpointAnswer, question))
 
     async def safe_distances(self, question: SafeDistancesQuestion) -> SafeDistancesAnswer:
-        return await _reached(self._client.call("POST", "/v1/safe-distances", SafeDistancesAnswer, question))
+        return await reached(self._client.call("POST", "/v1/safe-distances", SafeDistancesAnswer, question))
 
     async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
-        return await _reached(self._client.call("POST", "/v1/approach", ApproachAnswer, question))
+        return await reached(self._client.call("POST", "/v1/approach", ApproachAnswer, question))
 
     async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
-        return await _reached(self._client.call("POST", "/v1/explore", ExploreAnswer, question))
+        return await reached(self._client.call("POST", "/v1/explore", ExploreAnswer, question))
 
 
 class HttpWorld:
@@ -103,23 +100,23 @@ class HttpWorld:
         self._client = client
 
     async def start(self, question: EpisodeQuestion) -> Episode:
-        return await _reached(self._client.call("POST", "/v1/episodes", Episode, question))
+        return await reached(self._client.call("POST", "/v1/episodes", Episode, question))
 
     async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
         wanted = {"cameras": ",".join(cameras)}
         path = f"/v1/episodes/{episode}/observation"
-        return await _reached(self._client.call("GET", path, Observation, params=wanted))
+        return await reached(self._client.call("GET", path, Observation, params=wanted))
 
     async def move(self, episode: str, number: int, move: Move) -> MoveResult:
         path = f"/v1/episodes/{episode}/moves/{number}"
-        return await _reached(self._client.call("PUT", path, MoveResult, move))
+        return await reached(self._client.call("PUT", path, MoveResult, move))
 
     async def claim(self, episode: str, claim: Claim) -> Verdict:
-        return await _reached(self._client.call("POST", f"/v1/episodes/{episode}/claim", Verdict, claim))
+        return await reached(self._client.call("POST", f"/v1/episodes/{episode}/claim", Verdict, claim))
 
     async def end(self, episode: str) -> None:
         try:
-            await _reached(self._client.delete(f"/v1/episodes/{episode}"))
+            await reached(self._client.delete(f"/v1/episodes/{episode}"))
         except ServiceRefused as error:
             if error.status != 404:
                 raise
@@ -166,23 +163,3 @@ class Services:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self.close()
-
-
-async def _reached(call: Awaitable[T]) -> T:
-    """The answer, or the client's error as the mission knows it."""
-    try:
-        return await call
-    except Unreachable as error:
-        raise ServiceUnreachable(str(error)) from None
-    except Garbled as error:
-        raise ServiceRefused(str(error), code="garbled", status=502) from None
-    except Refused as error:
-        if error.code == "unknown_model":
-            raise UnknownModel(f"{error.service}: {error.reason}") from None
-        if error.code in MODEL_TROUBLE:
-            raise ModelUnreachable(f"{error.service}: {error.reason} ({error.code})") from None
-        if error.status in (401, 403):
-            variable = TOKEN_VARIABLES[error.service]
-            right = f"set {variable} or {variable}_FILE to one that it accepts"
-            raise ServiceUnreachable(f"{error.service} refuses our token ({error.status}); {right}") from None
-        raise ServiceRefused(str(error), code=error.code, status=error.status) from None

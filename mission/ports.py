@@ -3,7 +3,7 @@
 PortError               a port brought no answer of its contract
   ModelUnreachable      the model behind it can't be reached, or not in time: no answer, so nothing to score
     UnknownModel        the gateway has no model of that name; the message names those there are
-  ServiceUnreachable    the service itself can't be reached, or refuses our token
+  ServiceUnreachable    the service itself can't be reached, is full or broken, or refuses our token
   ServiceRefused        the service answered with an error of its own
 """
 
@@ -51,7 +51,7 @@ class UnknownModel(ModelUnreachable):
 
 
 class ServiceUnreachable(PortError):
-    """Nobody answered, or not in time."""
+    """Nobody answered in time, or only to say that it can't serve, or not us."""
 
 
 class ServiceRefused(PortError):

@@ -66,7 +66,7 @@ class Trial(Protocol):
         ...
 
     async def renderer(self, vehicle: str) -> str | None:
-        """Who draws its pictures."""
+        """Who draws its pictures; null where nobody does."""
         ...
 
     async def claim(self, vehicle: str, target: Point3 | None) -> Verdict:

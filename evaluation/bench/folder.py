@@ -2,7 +2,8 @@
 
 settings.json    evaluation.bench.run_settings.RunSettings
 tasks.jsonl.zst  the tasks of the run, whatever they were called
-results.jsonl    one evaluation.metrics.episode.EpisodeRecord a line, synced to disk as it comes
+results.jsonl    one evaluation.metrics.episode.EpisodeRecord a line, synced to disk as it comes; the next session
+                 drops those that say nothing because a model or a service was out of reach, and flies them again
 clock.json       the wall time of all sessions so far
 summary.json, results.parquet   of the results so far, written at the end of a session
 episodes/ID/     the record of an episode, where pictures were asked for
@@ -70,11 +71,20 @@ class RunFolder:
             part.replace(self.path / "tasks.jsonl.zst")
             write_whole(known, self.settings.model_dump_json(indent=1))
         self.records = {r.task: r for r in _whole_lines(self.path / "results.jsonl", mend=True)}
+        self._forget_infrastructure()
         foreign = next((name for name in self.records if name not in self.tasks), None)
         if foreign is not None:
             raise BadFolder(f"{self.path} holds a result of task {foreign}, which is not part of this run")
         self._results = (self.path / "results.jsonl").open("ab")
         self._wall_before_s = read_wall_s(self.path)
+
+    def _forget_infrastructure(self) -> None:
+        """Episodes of earlier sessions that say nothing, because a model or a service was out of reach, are pending."""
+        judged = {name: record for name, record in self.records.items() if record.judged}
+        if len(judged) < len(self.records):
+            lines = [record.model_dump_json() + "\n" for record in judged.values()]
+            write_whole(self.path / "results.jsonl", "".join(lines))
+            self.records = judged
 
     @property
     def pending(self) -> list[Task]:

@@ -28,11 +28,13 @@ MAX_BROKEN_IN_A_ROW = 5
 
 
 class Standing(NamedTuple):
-    """How far a run has come. `flown` counts this session's episodes, `done` all; times in seconds."""
+    """How far a run has come. `flown` counts this session's episodes, `done` all, `infrastructure` those of them that
+    say nothing; times in seconds."""
 
     total: int
     done: int
     successes: int
+    infrastructure: int
     flown: int
     session_s: float
     last: EpisodeRecord | None
@@ -142,6 +144,7 @@ class Run:
                     total=len(self._folder.tasks),
                     done=len(records),
                     successes=sum(r.success for r in records.values()),
+                    infrastructure=sum(not r.judged for r in records.values()),
                     flown=self._flown,
                     session_s=self._session_s,
                     last=last,

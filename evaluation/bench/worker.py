@@ -191,6 +191,7 @@ class Worker:
         started, began = now(), time.perf_counter()
         result: DeliveryResult | None = None
         error: str | None = None
+        cannot_start = False
         render_s = 0.0
         folder = self._record_folder(task)
         try:
@@ -212,14 +213,15 @@ class Worker:
                 error = f"the episode took longer than {self._job.episode_s:g} s"
                 await self.start()
         except CannotStart as cause:
-            error = f"the services could not be started: {cause}"
+            error, cannot_start = f"the services could not be started: {cause}", True
         except Exception as cause:
             error = f"{type(cause).__name__}: {cause}"
-        reason = reason_of(task, result)
+        reason = "unreachable" if cannot_start else reason_of(task, result)
         if error is None and self._group is not None:
             ended = await who_ended(self._group, DYING_S if reason == "unreachable" else 0.0)
             if ended is not None:
                 error = f"{ended.name} ended with code {ended.process.returncode} during the episode"
+                reason = "unreachable" if reason == "error" else reason
         if error is None and reason == "error" and result is not None:
             error = result.message
         if folder is not None and self._job.pictures == "failures" and reason == "success":

@@ -42,11 +42,11 @@ class Comparison(Wire):
 
 
 def compare(tasks: Mapping[str, Task], run: Sequence[EpisodeRecord], baseline: Sequence[EpisodeRecord]) -> Comparison:
-    """The paired tests over the tasks in both. Raises ValueError for a record of a task that is not among `tasks`, and
-    for two records of one."""
+    """The paired tests over the tasks that say something in both. Raises ValueError for a record of a task that is not
+    among `tasks`, and for two records of one."""
     check_records(tasks, run)
     check_records(tasks, baseline)
-    a, b = ({record.task: record for record in records} for records in (run, baseline))
+    a, b = ({record.task: record for record in records if record.judged} for records in (run, baseline))
     shared = sorted(a.keys() & b.keys())
     won = [[records[name].success for name in shared] for records in (a, b)]
     efficient = [[spl([horizontal(tasks[name], records[name])]) or 0.0 for name in shared] for records in (a, b)]

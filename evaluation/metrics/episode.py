@@ -26,7 +26,8 @@ Reason = Literal[
 
 class EpisodeRecord(Wire):
     """One task as flown by one arm. `error` is set, and `result` null, where the episode itself broke: it counts as a
-    failure and stays in every denominator. `folder` holds its pictures, where the run keeps them."""
+    failure and stays in every denominator, unless a model or a service was out of reach: that tells nothing of the
+    arm. `folder` holds its pictures, where the run keeps them."""
 
     task: Name
     reason: Reason
@@ -37,6 +38,11 @@ class EpisodeRecord(Wire):
     render_s: Annotated[float, Field(ge=0)] = 0.0
     model_s: Annotated[float, Field(ge=0)] = 0.0
     folder: str | None = None
+
+    @property
+    def judged(self) -> bool:
+        """Whether it says anything of the arm: not where the infrastructure failed."""
+        return self.reason != "unreachable"
 
     @property
     def success(self) -> bool:

@@ -78,13 +78,15 @@ class ExtensionFigure(Wire):
 
 
 class Summary(Wire):
-    """A run's figures. Every rate is over the `tasks` flown, broken episodes included; `planned` is how many the run
-    is to have. `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and
-    waiting for models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of a lap
-    with the map known and the facade unknown, on the same tasks. `extensions`: figures of other packages' metrics."""
+    """A run's figures. `infrastructure`: how many of the `tasks` flown say nothing, as a model or a service was out of
+    reach; every rate is over the others, broken episodes included. `planned` is how many the run is to have.
+    `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and waiting for
+    models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of a lap with the map
+    known and the facade unknown, on the same tasks. `extensions`: figures of other packages' metrics."""
 
     tasks: int
     planned: int
+    infrastructure: int = 0
     success: Rate
     floor_fail: Rate
     recognition_fail: Rate
@@ -112,13 +114,15 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
     """
     check_records(tasks, records)
     # by task, so that figures do not depend on which worker was first
-    ordered = sorted(records, key=lambda record: record.task)
-    reasons = Counter(record.reason for record in ordered)
+    flown = sorted(records, key=lambda record: record.task)
+    ordered = [record for record in flown if record.judged]
+    reasons = Counter(record.reason for record in flown)
     # no way is the shortest to a thing that is not there
     there = [record for record in ordered if not tasks[record.task].absent]
     return Summary(
-        tasks=len(ordered),
+        tasks=len(flown),
         planned=len(tasks),
+        infrastructure=len(flown) - len(ordered),
         success=_rate(success_rate(ordered)),
         floor_fail=_rate(floor_fail_rate(tasks, ordered)),
         recognition_fail=_rate(recognition_fail_rate(ordered)),
@@ -130,16 +134,16 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
         average_steps=_rounded(average_steps(ordered)),
         collisions=collisions(ordered),
         outcomes={reason: reasons[reason] for reason in get_args(Reason) if reasons[reason]},
-        model_calls=model_calls(ordered),
+        model_calls=model_calls(flown),
         wall_s=round(wall_s, 3),
-        render_s=round(sum(record.render_s for record in ordered), 3),
-        model_s=round(sum(record.model_s for record in ordered), 3),
+        render_s=round(sum(record.render_s for record in flown), 3),
+        model_s=round(sum(record.model_s for record in flown), 3),
         floor_fail_half_floor=_rate(half_floor_fail_rate(tasks, ordered)),
         success_curve=tuple(
             RadiusPoint(radius_m=point.radius_m, success=_rate(point.success)) for point in success_curve(ordered)
         ),
         groups=_groups(tasks, ordered),
-        errors=dict(sorted(Counter(record.error.splitlines()[0] for record in ordered if record.error).items())),
+        errors=dict(sorted(Counter(record.error.splitlines()[0] for record in flown if record.error).items())),
         absent=_absent(absence(tasks, ordered)),
         extensions=_extensions(tasks, ordered),
     )

@@ -4,10 +4,11 @@ The first that holds, in this order:
 
 error           the episode broke: no result, or one with outcome `failed` or `cancelled`
 collision       the drone touched something
-unreachable     a model or a service did not answer; says nothing about how good it is
+unreachable     a model or a service did not answer, could not be started, refused our token, or there is no such model;
+                says nothing about how good anything is, and is left out of every rate
 success         the delivery is the design's success; where the object is not there at all, it was not found
 parse           floor or object were not what the customer asked for, or were not found in the request
-unreadable      a model answered, but too often with something that says nothing
+unreadable      a model answered, but too often with something that says nothing; or it never learnt to see the thing
 floor           the height found is more than 7 m off the window's, or none was found; or the search ended without a
                 sighting, on a height more than half a floor off
 wrong_object    the claimed window is not the customer's
@@ -60,7 +61,7 @@ def reason_of(task: Task, result: DeliveryResult | None) -> Reason:
         return "unreadable"
     if not understood(task, result):
         return "parse"
-    if result.outcome == "answer_unreadable":
+    if result.outcome in ("answer_unreadable", "object_unknown"):
         return "unreadable"
     return _reason_of_the_flight(task, result)
 

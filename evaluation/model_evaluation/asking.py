@@ -27,8 +27,8 @@ A = TypeVar("A", bound=Answer)
 
 
 class Sought(Wire):
-    """One question for an object and its answer; `outcome` is null where the model could not be reached. `first`: the
-    pictures of this look had not been shown to the model before."""
+    """One question for an object and its answer. `first`: the pictures of this look had not been shown to the model
+    before."""
 
     seed: int
     look: int
@@ -37,7 +37,7 @@ class Sought(Wire):
     kind: str | None
     colour: str | None
     first: bool
-    outcome: Outcome | None
+    outcome: Outcome
     matches: tuple[Match, ...] = ()
     claim_confidence: float | None = None
     latency_s: float = 0.0
@@ -56,11 +56,13 @@ class Counted(Wire):
 
 
 class Answers(Wire):
-    """Everything one model said. `model`: who answered, by its own account."""
+    """Everything one model said. `model`: who answered, by its own account. `unreachable`: questions at which it was
+    out of reach; they are not among the others, nor are the other counts of floors of such a street."""
 
     model: str | None
     sought: tuple[Sought, ...]
     counted: tuple[Counted, ...]
+    unreachable: int = 0
 
 
 class Asker:
@@ -72,6 +74,7 @@ class Asker:
         self._catalogue = catalogue
         self._alias = model
         self.model: str | None = None
+        self._unreachable = 0
 
     async def ask(self, cases: Sequence[Case], told: Callable[[int], None] | None = None) -> Answers:
         """`told` hears how many cases are done."""
@@ -80,10 +83,13 @@ class Asker:
         for done, case in enumerate(cases, 1):
             for number, look in enumerate(case.looks):
                 sought += await self._look(case, number, look)
-            counted += [await self._front(case, number, front) for number, front in enumerate(case.fronts)]
+            try:
+                counted += [await self._front(case, number, front) for number, front in enumerate(case.fronts)]
+            except ModelUnreachable:  # floors are judged band after band: a street with a gap can't be
+                self._unreachable += 1
             if told is not None:
                 told(done)
-        return Answers(model=self.model, sought=tuple(sought), counted=tuple(counted))
+        return Answers(model=self.model, sought=tuple(sought), counted=tuple(counted), unreachable=self._unreachable)
 
     async def _look(self, case: Case, number: int, look: Look) -> list[Sought]:
         views = tuple(
@@ -93,7 +99,11 @@ class Asker:
         sought = []
         for place, asked in enumerate(questions(case, number, self._catalogue)):
             question = FindObjectQuestion(model=self._alias, object=asked.phrase, views=views)
-            answer = await self._answer(self._vision.find_object(question))
+            try:
+                answer = await self._answer(self._vision.find_object(question))
+            except ModelUnreachable:
+                self._unreachable += 1
+                continue
             sought.append(
                 Sought(
                     seed=case.seed,
@@ -103,10 +113,10 @@ class Asker:
                     kind=asked.thing.kind if asked.thing else None,
                     colour=asked.thing.colour if asked.thing else None,
                     first=place == 0,
-                    outcome=answer.outcome if answer else None,
-                    matches=answer.matches if answer else (),
-                    claim_confidence=answer.claim_confidence if answer else None,
-                    latency_s=answer.latency_s if answer else 0.0,
+                    outcome=answer.outcome,
+                    matches=answer.matches,
+                    claim_confidence=answer.claim_confidence,
+                    latency_s=answer.latency_s,
                 )
             )
         return sought
@@ -118,17 +128,14 @@ class Asker:
         return Counted(
             seed=case.seed,
             front=number,
-            floors=count.floors if count else None,
-            rows=count.rows if count else None,
-            box=building.box if building else None,
-            latency_s=count.latency_s if count else 0.0,
+            floors=count.floors,
+            rows=count.rows,
+            box=building.box,
+            latency_s=count.latency_s,
         )
 
-    async def _answer(self, call: Awaitable[A]) -> A | None:
-        try:
-            answer = await call
-        except ModelUnreachable:
-            return None
+    async def _answer(self, call: Awaitable[A]) -> A:
+        answer = await call
         self.model = answer.model
         return answer
 

@@ -17,6 +17,7 @@ HEADS = (
     "floor fails",
     "wrong claims",
     "collisions",
+    "infrastructure",
     "only it : only the first",
     "p success",
     "SPL gained",
@@ -96,6 +97,7 @@ def cells(arm: Arm) -> tuple[str, ...]:
         rate(own.floor_fail),
         rate(own.recognition_fail),
         str(own.collisions),
+        f"{own.infrastructure} of {own.tasks}" if own.infrastructure else "0",
     )
     if test is None:
         return (*figures, "", "", "", "")

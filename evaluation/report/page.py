@@ -92,6 +92,7 @@ def _run_card(k: int, run: Run) -> Html:
         ("SPL", f"{percent(summary.spl.horizontal)} % (3-D {percent(summary.spl.spatial)} %)"),
         ("Ideal lap's SPL", f"{percent(summary.ideal_lap_spl)} %" + _share_of(summary)),
         ("Average steps", number(summary.average_steps)),
+        ("Infrastructure failures", f"{summary.infrastructure} of {summary.tasks} tasks, in no rate"),
         ("Floor failures", f"{percent(summary.floor_fail.rate)} % ({summary.floor_fail.k}/{summary.floor_fail.n})"),
         ("Recognition failures", _of(summary.recognition_fail)),
         ("Collisions", str(summary.collisions)),

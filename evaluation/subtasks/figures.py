@@ -21,9 +21,10 @@ class Figures(NamedTuple):
 
 
 class SubtaskScores(Wire):
-    """One role's figures. `questions` were asked over `tasks` tasks; one that brought no readable answer counts as
-    wrong and shows in `model_calls` as well. `model`: who answered, by its own account. `skipped`: stops that the drone
-    could not reach, or without a question. `sightings`: what counted as a claim, where things were looked for."""
+    """One role's figures. `questions` were answered over `tasks` tasks; one that brought no readable answer counts as
+    wrong and shows in `model_calls` as well; one at which the model was out of reach shows there alone. `model`: who
+    answered, by its own account. `skipped`: stops that the drone could not reach, or without a question. `sightings`:
+    what counted as a claim, where things were looked for."""
 
     subtask: Subtask
     backend: Name

@@ -1,5 +1,6 @@
 """Asks one role its questions about a task; and from all the answers, its figures."""
 
+import contextlib
 import zlib
 from collections.abc import Awaitable, Iterator, Sequence
 from contextlib import AbstractContextManager
@@ -135,7 +136,10 @@ class Examiner:
 
     async def _parsed(self, task: Task) -> tuple[parse.Parsed, ...]:
         question = ParseQuestion(request=task.request, model=self._plan.parser)
-        answer = await self._ask("parser", self._ports.parser.parse(question))
+        try:
+            answer = await self._ask("parser", self._ports.parser.parse(question))
+        except ModelUnreachable:
+            return ()
         found = (answer.floor, answer.object) if answer else (None, None)
         return (parse.Parsed(task.style, task.floor, task.object, *found),)
 
@@ -148,8 +152,9 @@ class Examiner:
                 question = FloorCountQuestion(
                     model=self._plan.backend, oracle_episode=stage.episode, image=seen.views[0].image
                 )
-                answer = await self._ask("floors", self._ports.vision.floor_count(question))
-                counts.append(floors.Count(truth, answer.floors if answer else None, task.building_kind))
+                with contextlib.suppress(ModelUnreachable):
+                    answer = await self._ask("floors", self._ports.vision.floor_count(question))
+                    counts.append(floors.Count(truth, answer.floors if answer else None, task.building_kind))
         return tuple(counts)
 
     async def _looks(self, task: Task) -> tuple[recognition.Look, ...]:
@@ -165,20 +170,22 @@ class Examiner:
                     object=task.object,
                     views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in _sights(seen)),
                 )
-                answer = await self._ask("recognition", self._ports.vision.find_object(question))
-                matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
-                looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
+                with contextlib.suppress(ModelUnreachable):
+                    answer = await self._ask("recognition", self._ports.vision.find_object(question))
+                    matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
+                    looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
         return tuple(looks)
 
     async def _choices(self, task: Task) -> tuple[choice.Choice, ...]:
         choices = []
         with self._stage(task) as stage:
             for _ in self._reached(stage, on_lap(task, max(1, self._plan.stops // 2), self._rng(task))):
-                made = await self._choice(task, stage)
-                if made is None:
-                    self._skipped += 1
-                else:
-                    choices.append(made)
+                with contextlib.suppress(ModelUnreachable):
+                    made = await self._choice(task, stage)
+                    if made is None:
+                        self._skipped += 1
+                    else:
+                        choices.append(made)
         return tuple(choices)
 
     async def _choice(self, task: Task, stage: Stage) -> choice.Choice | None:
@@ -227,11 +234,9 @@ class Examiner:
         return answer.label if answer else None
 
     async def _ask(self, role: Role, call: Awaitable[A]) -> A | None:
-        """An answer that can't be read, is declined or never comes is no answer; the book knows which it was."""
-        try:
-            reply = await self._book.ask(role, call)
-        except ModelUnreachable:
-            return None
+        """An answer that can't be read or is declined is no answer; the book knows which it was. Raises
+        ModelUnreachable, which the book counts as well: nothing of it may be scored."""
+        reply = await self._book.ask(role, call)
         self._model = reply.answer.model
         return reply.answer if isinstance(reply, Answered) else None
 

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contracts.cameras import Camera, default_rig
+from contracts.cameras import default_rig
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -24,10 +23,10 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import Box, Heading, Point2, Point3, Pose
+from contracts.geometry import Box, Heading, Pose
 from contracts.images import encode_depth, encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.scene import Building, Scene, Start
+from contracts.scene import Scene
 from contracts.sim import Claim, Episode, EpisodeQuestion, Flight, Verdict
 from contracts.vehicle import Move, MoveResult, Observation, SensedView, VehicleState
 from contracts.vlm_gateway import (
@@ -48,61 +47,10 @@ from mission.episodes import EpisodeTrial
 from mission.placement import InTrial
 from mission.ports import Ports, ServiceRefused
 from services.depth_assist.app import choose_viewpoint, explore_step, measure_safe_distances, plan_approach
+from tests.mission.block import RADIUS_M, SIZE, Block, axes
+from tests.mission.block import block_scene as block_scene
 
-SIZE = 120
 RIG = default_rig().scaled_to(SIZE)
-RADIUS_M = 0.35
-START = Pose(x=0.0, y=-15.0, z=1.5, yaw=math.pi / 2)
-
-
-@dataclass(frozen=True)
-class Block:
-    """An upright box [x0, x1] x [y0, y1] x [0, floors * floor_height_m], and a thing in front of one of its walls;
-    another may stand beside it."""
-
-    x0: float = -8.0
-    x1: float = 8.0
-    y0: float = -6.0
-    y1: float = 6.0
-    floors: int = 6
-    floor_height_m: float = 3.0
-    thing: tuple[float, float, float] = (3.0, -6.2, 10.5)
-    thing_normal: tuple[float, float] = (0.0, -1.0)
-    start: Pose = START
-    neighbour: "Block | None" = None
-
-    @property
-    def top(self) -> float:
-        return self.floors * self.floor_height_m
-
-    def distance(self, x: float, y: float, z: float) -> float:
-        """From a point to a block or the ground, metres."""
-        dx = max(self.x0 - x, 0.0, x - self.x1)
-        dy = max(self.y0 - y, 0.0, y - self.y1)
-        dz = max(0.0, z - self.top)
-        beside = self.neighbour.distance(x, y, z) if self.neighbour else math.inf
-        return min(z, math.sqrt(dx * dx + dy * dy + dz * dz), beside)
-
-    def cast(self, eye: tuple[float, float, float], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-        """rays: (..., 3). How many ray lengths until a block or the ground is hit; inf for none."""
-        low, high = np.array([self.x0, self.y0, 0.0]), np.array([self.x1, self.y1, self.top])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (low - eye) / rays, (high - eye) / rays
-            near, far = np.fmin(a, b).max(axis=-1), np.fmax(a, b).min(axis=-1)
-            block = np.where((near <= far) & (near > 0), near, np.inf)
-            ground = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.inf)
-        hit = np.minimum(block, ground)
-        return np.minimum(hit, self.neighbour.cast(eye, rays)) if self.neighbour else hit
-
-
-def block_scene(block: Block) -> Scene:
-    """A scene document that fits the block; the block world reads nothing of it."""
-    corners = ((block.x0, block.y0), (block.x1, block.y0), (block.x1, block.y1), (block.x0, block.y1))
-    building = Building(
-        id="house", kind="low_rise", footprint=tuple(Point2(x=x, y=y) for x, y in corners), floors=block.floors
-    )
-    place = Point3(x=block.start.x, y=block.start.y, z=block.start.z)
-    return Scene(name="block", buildings=(building,), target="house", start=Start(position=place, yaw=block.start.yaw))
 
 
 @dataclass
@@ -151,7 +99,7 @@ class BlockWorld:
             number=self.observations,
             pose=pose,
             views=tuple(
-                SensedView(camera=c, image=grey, depth=encode_depth(self._depth_m(pose, c)))
+                SensedView(camera=c, image=grey, depth=encode_depth(self.block.depth_m(pose, c)))
                 for c in (RIG.camera(name) for name in cameras)
             ),
         )
@@ -240,17 +188,6 @@ class BlockWorld:
         if episode not in self.live:
             raise ServiceRefused(f"sim: there is no episode {episode}", code="not_found", status=404)
         return self.live[episode]
-
-    def _depth_m(self, pose: Pose, camera: Camera) -> NDArray[np.float64]:
-        forward, right = axes(pose, camera.heading_deg)
-        slope = (np.arange(SIZE) + 0.5 - SIZE / 2) / (SIZE / 2)
-        rays = forward + slope[None, :, None] * right - slope[:, None, None] * np.array([0.0, 0.0, 1.0])
-        return self.block.cast((pose.x, pose.y, pose.z), rays)
-
-
-def axes(pose: Pose, heading: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    angle = pose.yaw - math.radians(heading)
-    return np.array([math.cos(angle), math.sin(angle), 0.0]), np.array([math.sin(angle), -math.cos(angle), 0.0])
 
 
 @dataclass

@@ -4,11 +4,11 @@ from collections.abc import AsyncIterator, Callable
 
 import numpy as np
 import pytest
-from fastapi import FastAPI
+from fastapi import FastAPI, Response
 
 from contracts.images import encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
+from contracts.vlm_gateway import FloorCountQuestion
 from mission.clients import Services
 from mission.ports import ModelUnreachable, ServiceRefused, ServiceUnreachable, UnknownModel
 from service_kit.addresses import Addresses
@@ -20,7 +20,7 @@ TROUBLE = ["model_unreachable", "model_timeout", "model_overloaded", "model_reje
 
 
 def told(code: str) -> ServiceError:
-    status = {"unauthorised": 401, "forbidden": 403}.get(code, 502)
+    status = {"unauthorised": 401, "forbidden": 403, "bad_image": 422, "too_many": 429}.get(code, 502)
     return ServiceError("the server said: context too long", code=code, status=status)
 
 
@@ -28,8 +28,10 @@ def refusing() -> FastAPI:
     """A gateway and a parser that refuse by the code in the model's place."""
     app = create_app("refuses", max_body_bytes=100_000)
 
-    @app.post("/v1/floor-count")
-    async def floor_count(question: FloorCountQuestion) -> FloorCountAnswer:
+    @app.post("/v1/floor-count", response_model=None)
+    async def floor_count(question: FloorCountQuestion) -> Response:
+        if question.model == "garbled":
+            return Response("<html>a proxy's page</html>", media_type="text/html")
         raise told(question.model or "bad_request")
 
     @app.post("/v1/parse")
@@ -54,6 +56,17 @@ async def test_a_model_that_did_not_answer_is_unreachable_whatever_the_reason(co
         await services.ports().parser.parse(ParseQuestion(request="floor 3", model=code))
 
 
+@pytest.mark.parametrize("code", ["too_many", "internal"])
+async def test_a_service_that_cannot_serve_is_unreachable(code: str, services: Services) -> None:
+    with pytest.raises(ServiceUnreachable, match=code):
+        await services.ports().vision.floor_count(FloorCountQuestion(model=code, image=PICTURE))
+
+
+async def test_a_service_that_is_not_ours_is_unreachable(services: Services) -> None:
+    with pytest.raises(ServiceUnreachable, match="is that our service"):
+        await services.ports().vision.floor_count(FloorCountQuestion(model="garbled", image=PICTURE))
+
+
 async def test_a_model_that_there_is_not_is_told_apart(services: Services) -> None:
     with pytest.raises(UnknownModel, match="vlm_gateway: the server said"):
         await services.ports().vision.floor_count(FloorCountQuestion(model="unknown_model", image=PICTURE))
@@ -70,4 +83,4 @@ async def test_a_service_that_refuses_our_token_says_which_variable_to_set(code:
 async def test_a_question_that_was_wrong_is_the_services_refusal(services: Services) -> None:
     with pytest.raises(ServiceRefused) as caught:
         await services.ports().vision.floor_count(FloorCountQuestion(model="bad_image", image=PICTURE))
-    assert (caught.value.code, caught.value.status) == ("bad_image", 502)
+    assert (caught.value.code, caught.value.status) == ("bad_image", 422)

@@ -172,13 +172,21 @@ def test_a_run_interrupted_killed_and_robbed_of_a_service_has_every_result_once(
     time.sleep(1.0)
     os.kill(sims[0], signal.SIGKILL)
     _, err = run.communicate(timeout=300)
-    assert run.returncode == 0, err
+    assert run.returncode == 1, "an episode that says nothing is no success of the run"
+    assert "1 of 5 episodes say nothing about oracle" in err
+    assert "sim ended with code -9 during the episode" in err
     assert results(folder)[: len(before)] == before
     assert sorted(results(folder)) == [t.id for t in tasks(count)]
     records = [json.loads(line) for line in (folder / "results.jsonl").read_text().splitlines()]
     broken = [(r["error"], r["reason"]) for r in records if r["error"]]
     assert broken == [("sim ended with code -9 during the episode", "unreachable")]
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    assert summary["tasks"] == summary["success"]["n"] == count
+    assert (summary["tasks"], summary["infrastructure"], summary["success"]["n"]) == (count, 1, count - 1)
     assert summary["outcomes"]["unreachable"] == 1
     assert summary["success"]["k"] >= 1
+
+    run = start(*arguments, folder=folder)
+    out, err = run.communicate(timeout=300)
+    assert run.returncode == 0, err
+    assert sorted(results(folder)) == [t.id for t in tasks(count)]
+    assert (json.loads(out)["infrastructure"], json.loads(out)["success"]["n"]) == (0, count)

@@ -59,6 +59,19 @@ def test_the_same_set_from_another_path_goes_on(tmp_path: Path) -> None:
         RunFolder(tmp_path, settings(checksum="1" * 64), TASKS)
 
 
+def test_an_episode_at_which_the_infrastructure_failed_is_flown_again(tmp_path: Path) -> None:
+    away = a_result("model_unreachable")
+    with RunFolder(tmp_path, settings(), TASKS) as first:
+        first.add(record(TASKS[0]), 1.0)
+        first.add(record(TASKS[1], reason="unreachable", result=away), 1.0)
+        assert [task.id for task in first.pending] == ["t-3", "t-4"], "not at once: whatever is away still is"
+    assert [r.task for r in read_records(tmp_path)] == ["t-1", "t-2"]
+    with RunFolder(tmp_path, settings(), TASKS) as again:
+        assert [task.id for task in again.pending] == ["t-2", "t-3", "t-4"]
+        again.add(record(TASKS[1]), 1.0)
+    assert [(r.task, r.reason) for r in read_records(tmp_path)] == [("t-1", "success"), ("t-2", "success")]
+
+
 @pytest.mark.parametrize("kept", [0, 1, 40])
 def test_a_line_cut_off_by_a_kill_is_flown_again(tmp_path: Path, kept: int) -> None:
     with RunFolder(tmp_path, settings(), TASKS) as first:

@@ -41,6 +41,16 @@ def test_further_figures_stand_beside_them() -> None:
     assert summary.errors == {"the simulator ended": 1}
 
 
+def test_a_failure_of_infrastructure_has_a_column_of_its_own_and_is_in_no_rate() -> None:
+    away = a_record(TASKS["t-3"], a_result("model_unreachable", floor=None, object=None, final_height_m=None))
+    told = json.loads(summarize(TASKS, [*RECORDS, away], 9.0).model_dump_json())
+    without = json.loads(summarize(TASKS, RECORDS, 9.0).model_dump_json())
+    assert (told["tasks"], told["infrastructure"], without["infrastructure"]) == (4, 1, 0)
+    assert told["outcomes"] == without["outcomes"] | {"unreachable": 1}
+    rates = ("success", "floor_fail", "floor_fail_half_floor", "recognition_fail", "spl", "success_curve", "groups")
+    assert {name: told[name] for name in rates} == {name: without[name] for name in rates}
+
+
 def test_figures_do_not_depend_on_the_order_of_records() -> None:
     assert summarize(TASKS, RECORDS, 9.0) == summarize(TASKS, RECORDS[::-1], 9.0)
 
@@ -75,6 +85,13 @@ def test_two_runs_are_compared_on_the_tasks_that_both_flew() -> None:
     assert found.spl.mean == pytest.approx(5 / 12)
     assert found.spl.low is not None
     assert found.spl.low > 0.0
+
+
+def test_a_task_at_which_the_infrastructure_failed_is_not_compared() -> None:
+    away = [a_record(task, a_result("service_unreachable", final_height_m=None)) for task in TASKS.values()]
+    there = [a_record(task, delivered()) for task in TASKS.values()]
+    assert compare(TASKS, there, away).tasks == 0
+    assert compare(TASKS, there, [*there[:3], away[3]]).tasks == 3
 
 
 def test_a_handful_of_tasks_gives_a_difference_but_no_interval() -> None:

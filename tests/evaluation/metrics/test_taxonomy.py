@@ -29,6 +29,7 @@ CASES: list[tuple[str, DeliveryResult | None]] = [
     ("parse", a_result("wrong_window", a_verdict(right=False), object="red flower pot")),
     ("unreadable", a_result("request_unreadable", floor=None, object=None, final_height_m=None)),
     ("unreadable", a_result("answer_unreadable")),
+    ("unreadable", a_result("object_unknown", final_height_m=None)),
     ("floor", a_result("floor_not_found", final_height_m=None)),
     ("floor", a_result("wrong_window", a_verdict(right=False), final_height_m=15.0)),
     ("floor", a_result("object_not_found", final_height_m=15.0, stops=stops(BEFORE_THE_WINDOW))),

@@ -85,7 +85,7 @@ def sought(
     at: int = 0,
     role: Role = "goal",
     what: tuple[str, str] | None = ("mug", "red"),
-    outcome: str | None = "answered",
+    outcome: str = "answered",
 ) -> Sought:
     return Sought.model_validate(
         {
@@ -184,8 +184,8 @@ def test_strange_streets_count_in_their_own_rates_only() -> None:
     assert (scores.tasks, scores.strange) == (1, 1)
 
 
-def test_a_model_that_gives_no_answer_finds_nothing_and_is_told_apart() -> None:
-    scores = scored([case(1, look(MUG))], sought(outcome=None))
+def test_a_model_whose_answer_cannot_be_read_finds_nothing_and_is_told_apart() -> None:
+    scores = scored([case(1, look(MUG))], sought(outcome="unreadable"))
     assert k_n(scores, "recall, clear") == (0, 1)
     assert k_n(scores, "no readable answer") == (1, 1)
 
