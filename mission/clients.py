@@ -1,6 +1,5 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
-from collections.abc import Sequence
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -17,8 +16,6 @@ from contracts.depth_assist import (
     ViewpointQuestion,
 )
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
-from contracts.vehicle import Move, MoveResult, Observation
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -31,10 +28,10 @@ from contracts.vlm_gateway import (
     PreflightAnswer,
     PreflightQuestion,
 )
-from mission.episodes import EpisodeTrial
-from mission.ports import Ports, ServiceRefused
+from mission.ports import Ports
 from mission.reached import reached
 from mission.vehicle import Trial
+from mission.vehicles.simulator_trial import SimulatorTrial
 from service_kit.addresses import Addresses
 from service_kit.client import ServiceClient
 from service_kit.connections import NO_TOKENS, Tokens
@@ -95,33 +92,6 @@ class HttpDepthAssist:
         return await reached(self._client.call("POST", "/v1/explore", ExploreAnswer, question))
 
 
-class HttpWorld:
-    def __init__(self, client: ServiceClient) -> None:
-        self._client = client
-
-    async def start(self, question: EpisodeQuestion) -> Episode:
-        return await reached(self._client.call("POST", "/v1/episodes", Episode, question))
-
-    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
-        wanted = {"cameras": ",".join(cameras)}
-        path = f"/v1/episodes/{episode}/observation"
-        return await reached(self._client.call("GET", path, Observation, params=wanted))
-
-    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
-        path = f"/v1/episodes/{episode}/moves/{number}"
-        return await reached(self._client.call("PUT", path, MoveResult, move))
-
-    async def claim(self, episode: str, claim: Claim) -> Verdict:
-        return await reached(self._client.call("POST", f"/v1/episodes/{episode}/claim", Verdict, claim))
-
-    async def end(self, episode: str) -> None:
-        try:
-            await reached(self._client.delete(f"/v1/episodes/{episode}"))
-        except ServiceRefused as error:
-            if error.status != 404:
-                raise
-
-
 class Services:
     """The HTTP clients of all four services. Use as an async context manager."""
 
@@ -150,7 +120,7 @@ class Services:
 
     def trial(self) -> Trial:
         """The simulator that judges."""
-        return EpisodeTrial(HttpWorld(self.sim))
+        return SimulatorTrial(self.sim)
 
     async def close(self) -> None:
         for client in self.all:

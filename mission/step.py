@@ -160,7 +160,10 @@ class Step:
     async def look(self, cameras: Sequence[str] | None = None) -> Look:
         """One observation by these cameras, or by all. Raises PortError."""
         wanted = self.drone.cameras if cameras is None else tuple(cameras)
-        return look_of(await self.timed("observe", self.drone.vehicle.observe(wanted)), wanted)
+        seen = await self.timed("observe", self.drone.vehicle.observe(wanted))
+        for part, seconds in seen.timings_s.items():
+            self.spend(part, seconds)
+        return look_of(seen, wanted)
 
     async def look_ahead(self) -> Sight:
         """The view along the nose. Raises PortError."""

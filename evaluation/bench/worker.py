@@ -5,15 +5,16 @@ standard output: one Ready, then one EpisodeRecord an order (see evaluation.benc
 """
 
 import asyncio
-import contextlib
 import math
 import shutil
 import sys
 import time
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, Protocol
+from uuid import uuid4, uuid5
 
 from pydantic import Field
 
@@ -21,20 +22,16 @@ from contracts.base import Name, Wire
 from contracts.cameras import default_rig
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
-from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
-from contracts.vehicle import Move, MoveResult, Observation
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
 from evaluation.task_set.task import Task
 from launcher.processes import CannotStart, Child, Processes, free_ports
-from mission.clients import HttpWorld, Services
-from mission.episodes import EpisodeTrial
+from mission.clients import Services
 from mission.mission import Mission
 from mission.placement import InTrial
-from mission.ports import PortError, Ports, World
 from mission.record import Log, Pictures, Record, now
-from mission.vehicle import Trial
+from mission.vehicle import Trial, Vehicle
 from service_kit.addresses import FLIGHT_SERVICES
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
@@ -78,48 +75,20 @@ class Unwritten:
         """Forgets it."""
 
 
-class Ahead(NamedTuple):
-    """An episode that is being opened before its turn."""
+@dataclass(frozen=True)
+class InTurn(InTrial):
+    """A trial that may have been begun before its turn (`opening`); once its drone is placed, `next_one` begins the
+    upcoming one as well: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
 
-    question: EpisodeQuestion
-    opening: asyncio.Task[Episode]
+    opening: asyncio.Task[Vehicle] | None
+    next_one: Callable[[], None]
 
-
-class ClockedWorld:
-    """The world, with the time that its renderer took added up. Once the drone is placed, it opens the upcoming
-    episode as well: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
-
-    def __init__(self, world: World, ready: Ahead | None, upcoming: EpisodeQuestion | None) -> None:
-        self._world = world
-        self._ready = ready
-        self._upcoming = upcoming
-        self.ahead: Ahead | None = None
-        self.render_s = 0.0
-
-    async def start(self, question: EpisodeQuestion) -> Episode:
-        episode: Episode | None = None
-        if self._ready is not None and self._ready.question == question:
-            with contextlib.suppress(PortError):  # then it is tried again in its turn
-                episode = await self._ready.opening
-        if episode is None:
-            episode = await self._world.start(question)
-        if self._upcoming is not None:
-            self.ahead = Ahead(self._upcoming, asyncio.create_task(self._world.start(self._upcoming)))
-        return episode
-
-    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
-        seen = await self._world.observe(episode, cameras)
-        self.render_s += seen.timings_s.get("render", 0.0)
-        return seen
-
-    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
-        return await self._world.move(episode, number, move)
-
-    async def claim(self, episode: str, claim: Claim) -> Verdict:
-        return await self._world.claim(episode, claim)
-
-    async def end(self, episode: str) -> None:
-        await self._world.end(episode)
+    async def begin(self, key: str) -> Vehicle:
+        if self.opening is not None:
+            await asyncio.wait({self.opening})  # whatever came of it: the same key is the same trial
+        vehicle = await super().begin(key)
+        self.next_one()
+        return vehicle
 
 
 class Group(Protocol):
@@ -146,7 +115,8 @@ class Worker:
         self._group: Processes | None = None
         self._services: Services | None = None
         self._starts = 0
-        self._ahead: Ahead | None = None
+        self._session = uuid4()
+        self._opening: asyncio.Task[Vehicle] | None = None
 
     async def start(self) -> None:
         """Fresh services on free ports. Raises CannotStart."""
@@ -156,6 +126,7 @@ class Worker:
         gateway = {"ORACLE_SIM_URL": f"http://127.0.0.1:{ports['sim']}"} if job.backend == "oracle" else {}
         sim = {"SIM_TRUTH": "on"} if job.backend == "oracle" else {}
         self._starts += 1
+        self._session = uuid4()
         environment = process_environment() | job.environment
         group = Processes(
             ports,
@@ -172,10 +143,10 @@ class Worker:
     async def stop(self) -> None:
         services, group = self._services, self._group
         self._services = self._group = None
-        if self._ahead is not None:
-            self._ahead.opening.cancel()
-            await asyncio.wait({self._ahead.opening})
-            self._ahead = None
+        if self._opening is not None:
+            self._opening.cancel()
+            await asyncio.wait({self._opening})
+            self._opening = None
         if services is not None:
             await services.close()
         if group is not None:
@@ -192,21 +163,12 @@ class Worker:
         result: DeliveryResult | None = None
         error: str | None = None
         cannot_start = False
-        render_s = 0.0
         folder = self._record_folder(task)
         try:
             if self._services is None or self._group is None or self._group.ended() is not None:
                 await self.start()
             assert self._services is not None
-            ports = self._services.ports()
-            upcoming = self._question(order.upcoming) if order.upcoming is not None else None
-            world = ClockedWorld(HttpWorld(self._services.sim), self._ahead, upcoming)
-            self._ahead = None
-            try:
-                result = await self._flown(task, ports, EpisodeTrial(world), folder, gone)
-            finally:
-                render_s = world.render_s
-                self._ahead = world.ahead
+            result = await self._flown(self._services, order, folder, gone)
             if gone.is_set():
                 return None
             if result is None:
@@ -234,22 +196,21 @@ class Worker:
             error=error,
             started=started,
             wall_s=round(time.perf_counter() - began, 4),
-            render_s=round(render_s, 4),
+            render_s=round(result.timings_s.get("render", 0.0), 4) if result else 0.0,
             model_s=round(sum(c.seconds for c in result.model_calls.values()), 4) if result else 0.0,
             folder=f"episodes/{task.id}" if folder is not None else None,
         )
 
     async def _flown(
-        self, task: Task, ports: Ports, trial: Trial, folder: Path | None, gone: asyncio.Event
+        self, services: Services, order: Order, folder: Path | None, gone: asyncio.Event
     ) -> DeliveryResult | None:
         """Null where it took too long, or `gone` was set."""
-        settings = self._settings(task)
+        task, settings = order.task, self._settings(order.task)
         record = self._record(task, settings, folder) if folder is not None else None
         log: Log = record or Unwritten()
         try:
-            rig = default_rig().scaled_to(settings.image_size)
-            placement = InTrial(trial, task.scene, settings.flight, rig)
-            flight = asyncio.create_task(Mission(ports, placement, settings, log).fly(task.request))
+            mission = Mission(services.ports(), self._placement(services.trial(), order), settings, log)
+            flight = asyncio.create_task(mission.fly(task.request, self._key(task)))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
                 {flight, leaving}, timeout=self._job.episode_s, return_when=asyncio.FIRST_COMPLETED
@@ -268,10 +229,20 @@ class Worker:
             if record is not None:
                 record.close()
 
-    def _question(self, task: Task) -> EpisodeQuestion:
-        mission = self._job.mission
-        rig = default_rig().scaled_to(mission.image_size)
-        return EpisodeQuestion(scene=task.scene, flight=mission.flight, rig=rig)
+    def _key(self, task: Task) -> str:
+        """Of the task's trial in these services."""
+        return uuid5(self._session, task.id).hex
+
+    def _placement(self, trial: Trial, order: Order) -> InTurn:
+        flight = self._job.mission.flight
+        rig = default_rig().scaled_to(self._job.mission.image_size)
+
+        def begin_upcoming() -> None:
+            if (task := order.upcoming) is not None:
+                self._opening = asyncio.create_task(trial.begin(self._key(task), task.scene, flight, rig))
+
+        opening, self._opening = self._opening, None
+        return InTurn(trial, order.task.scene, flight, rig, opening, begin_upcoming)
 
     def _settings(self, task: Task) -> MissionSettings:
         """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""
