@@ -5,15 +5,13 @@ standard output: one Ready, then one EpisodeRecord an order (see evaluation.benc
 """
 
 import asyncio
-import contextlib
 import math
 import shutil
 import sys
 import time
 import zlib
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, Protocol
 
 from pydantic import Field
 
@@ -21,8 +19,8 @@ from contracts.base import Name, Wire
 from contracts.cameras import default_rig
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
-from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
-from contracts.vehicle import Move, MoveResult, Observation
+from contracts.sim import EpisodeQuestion
+from evaluation.bench.prefetch import Prefetched, PrefetchingWorld
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -32,7 +30,7 @@ from mission.clients import HttpWorld, Services
 from mission.episodes import EpisodeTrial
 from mission.mission import Mission
 from mission.placement import InTrial
-from mission.ports import PortError, Ports, World
+from mission.ports import Ports
 from mission.record import Log, Pictures, Record, now
 from mission.vehicle import Trial
 from service_kit.addresses import FLIGHT_SERVICES
@@ -44,7 +42,7 @@ DYING_S = 2.0
 """How long a service that stopped answering may take to be gone, before it counts as running."""
 _GLANCE_S = 0.02
 IDLE_S = "86400"
-"""An episode that was opened ahead waits for its turn, however long the one before it takes."""
+"""A prefetched episode waits for its turn, however long the one before it takes."""
 
 Kept = Literal["none", "failures", "all"]
 """Whose pictures a run keeps."""
@@ -78,50 +76,6 @@ class Unwritten:
         """Forgets it."""
 
 
-class Ahead(NamedTuple):
-    """An episode that is being opened before its turn."""
-
-    question: EpisodeQuestion
-    opening: asyncio.Task[Episode]
-
-
-class ClockedWorld:
-    """The world, with the time that its renderer took added up. Once the drone is placed, it opens the upcoming
-    episode as well: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
-
-    def __init__(self, world: World, ready: Ahead | None, upcoming: EpisodeQuestion | None) -> None:
-        self._world = world
-        self._ready = ready
-        self._upcoming = upcoming
-        self.ahead: Ahead | None = None
-        self.render_s = 0.0
-
-    async def start(self, question: EpisodeQuestion) -> Episode:
-        episode: Episode | None = None
-        if self._ready is not None and self._ready.question == question:
-            with contextlib.suppress(PortError):  # then it is tried again in its turn
-                episode = await self._ready.opening
-        if episode is None:
-            episode = await self._world.start(question)
-        if self._upcoming is not None:
-            self.ahead = Ahead(self._upcoming, asyncio.create_task(self._world.start(self._upcoming)))
-        return episode
-
-    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation:
-        seen = await self._world.observe(episode, cameras)
-        self.render_s += seen.timings_s.get("render", 0.0)
-        return seen
-
-    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
-        return await self._world.move(episode, number, move)
-
-    async def claim(self, episode: str, claim: Claim) -> Verdict:
-        return await self._world.claim(episode, claim)
-
-    async def end(self, episode: str) -> None:
-        await self._world.end(episode)
-
-
 class Group(Protocol):
     """What of a group of services tells whether they still run."""
 
@@ -146,7 +100,7 @@ class Worker:
         self._group: Processes | None = None
         self._services: Services | None = None
         self._starts = 0
-        self._ahead: Ahead | None = None
+        self._prefetched: Prefetched | None = None
 
     async def start(self) -> None:
         """Fresh services on free ports. Raises CannotStart."""
@@ -172,10 +126,10 @@ class Worker:
     async def stop(self) -> None:
         services, group = self._services, self._group
         self._services = self._group = None
-        if self._ahead is not None:
-            self._ahead.opening.cancel()
-            await asyncio.wait({self._ahead.opening})
-            self._ahead = None
+        if self._prefetched is not None:
+            self._prefetched.opening.cancel()
+            await asyncio.wait({self._prefetched.opening})
+            self._prefetched = None
         if services is not None:
             await services.close()
         if group is not None:
@@ -200,13 +154,13 @@ class Worker:
             assert self._services is not None
             ports = self._services.ports()
             upcoming = self._question(order.upcoming) if order.upcoming is not None else None
-            world = ClockedWorld(HttpWorld(self._services.sim), self._ahead, upcoming)
-            self._ahead = None
+            world = PrefetchingWorld(HttpWorld(self._services.sim), self._prefetched, upcoming)
+            self._prefetched = None
             try:
                 result = await self._flown(task, ports, EpisodeTrial(world), folder, gone)
             finally:
                 render_s = world.render_s
-                self._ahead = world.ahead
+                self._prefetched = world.prefetched
             if gone.is_set():
                 return None
             if result is None:
