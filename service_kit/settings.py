@@ -93,12 +93,13 @@ class Settings(BaseModel):
 
     @classmethod
     def unknown(cls, environment: Mapping[str, str], others: frozenset[str] = frozenset()) -> list[str]:
-        """A sentence for every variable that is none, but begins like one of these or is spelt nearly alike. `others`
-        are names that belong to somebody else."""
+        """A sentence for every variable that is none, but begins like one of these, is spelt nearly alike or lacks the
+        first word of one. `others` are names that belong to somebody else."""
         names = cls.names()
         said = []
         for name in sorted(environment.keys() - names - others):
             nearest = difflib.get_close_matches(name, names, 1, NEARLY_ALIKE)
+            nearest = nearest or sorted(known for known in names if "_" in name and known.endswith(f"_{name}"))
             if nearest or name.startswith(cls.prefixes):
                 meant = nearest or difflib.get_close_matches(name, names, 1)
                 hint = f"; did you mean {meant[0]}?" if meant else ""

@@ -26,7 +26,6 @@ ALLOWED: dict[str, set[str]] = {
 OURS = tuple(ALLOWED)
 MAX_LINES = 300
 LONG = {
-    "evaluation/bench/worker.py",
     "navigation/camera.py",
     "services/llm_parser/rules/lexicon.py",
     "services/llm_parser/rules/mentions.py",

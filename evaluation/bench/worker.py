@@ -10,8 +10,6 @@ import shutil
 import sys
 import time
 import zlib
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 from uuid import uuid4, uuid5
@@ -22,6 +20,7 @@ from contracts.base import Name, Wire
 from contracts.cameras import default_rig
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
+from evaluation.bench.prefetch import Prefetched
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -29,7 +28,6 @@ from evaluation.task_set.task import Task
 from launcher.processes import CannotStart, Child, Processes, free_ports
 from mission.clients import Services
 from mission.mission import Mission
-from mission.placement import InTrial
 from mission.record import Log, Pictures, Record, now
 from mission.vehicle import Trial, Vehicle
 from service_kit.addresses import FLIGHT_SERVICES
@@ -73,22 +71,6 @@ class Unwritten:
 
     def write(self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """Forgets it."""
-
-
-@dataclass(frozen=True)
-class InTurn(InTrial):
-    """A trial that may have been begun before its turn (`opening`); once its drone is placed, `next_one` begins the
-    upcoming one as well: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
-
-    opening: asyncio.Task[Vehicle] | None
-    next_one: Callable[[], None]
-
-    async def begin(self, key: str) -> Vehicle:
-        if self.opening is not None:
-            await asyncio.wait({self.opening})  # whatever came of it: the same key is the same trial
-        vehicle = await super().begin(key)
-        self.next_one()
-        return vehicle
 
 
 class Group(Protocol):
@@ -233,16 +215,16 @@ class Worker:
         """Of the task's trial in these services."""
         return uuid5(self._session, task.id).hex
 
-    def _placement(self, trial: Trial, order: Order) -> InTurn:
+    def _placement(self, trial: Trial, order: Order) -> Prefetched:
         flight = self._job.mission.flight
         rig = default_rig().scaled_to(self._job.mission.image_size)
 
-        def begin_upcoming() -> None:
+        def begin_next() -> None:
             if (task := order.upcoming) is not None:
                 self._opening = asyncio.create_task(trial.begin(self._key(task), task.scene, flight, rig))
 
         opening, self._opening = self._opening, None
-        return InTurn(trial, order.task.scene, flight, rig, opening, begin_upcoming)
+        return Prefetched(trial, order.task.scene, flight, rig, opening, begin_next)
 
     def _settings(self, task: Task) -> MissionSettings:
         """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""

@@ -11,6 +11,7 @@ from fastapi.responses import Response
 from prometheus_client.core import Metric
 from starlette.types import Receive
 
+from contracts.gateway_usage import UsageReport
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -40,6 +41,7 @@ from services.vlm_gateway.hot.server import PATH
 from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.question_extensions import TypedQuestion
+from services.vlm_gateway.usage.report import report
 
 T = TypeVar("T")
 
@@ -61,8 +63,13 @@ def build_app(
     cache = gateway.cache
     chats = {alias: backend for alias, backend in gateway.backends.items() if isinstance(backend, ChatBackend)}
     passed_on = Models(
-        {alias: chat.upstream for alias, chat in chats.items()}, gateway.roles.get("parser"), cache, gateway.metrics
+        {alias: chat.upstream for alias, chat in chats.items()},
+        gateway.roles.get("parser"),
+        cache,
+        gateway.metrics,
+        gateway.accounts,
     )
+    known = keys or Keys({})
     log = RequestLog(log_share)
 
     @asynccontextmanager
@@ -75,6 +82,7 @@ def build_app(
             for backend in gateway.backends.values():
                 await backend.close()
             log.flush()
+            await gateway.accounts.ledger.close()
             if cache is not None:
                 await cache.close()
 
@@ -159,6 +167,11 @@ def build_app(
             raise NotFound(f"no model {alias!r}; GET /v1/models lists those there are", code="model_not_found")
         return entry(alias)
 
+    @app.get("/v1/usage")
+    async def usage() -> UsageReport:
+        """What the asking key and its team have spent and may still spend; an operator sees every key and team."""
+        return await report(gateway.accounts.ledger, known, asking.get())
+
     @app.get("/v1/status")
     async def status() -> dict[str, object]:
         """What is configured and how it is doing; no secrets."""
@@ -169,12 +182,14 @@ def build_app(
         cached: dict[str, object] = {"mode": "off"}
         if cache is not None:
             cached = {"mode": cache.mode, "place": cache.place, "state": cache.state}
-        return {"models": models, "roles": dict(gateway.roles), "cache": cached}
+        ledger = gateway.accounts.ledger
+        spending = {"place": ledger.place, "state": ledger.state}
+        return {"models": models, "roles": dict(gateway.roles), "cache": cached, "usage": spending}
 
     return Frontend(
         app,
         passed_on,
-        keys or Keys({}),
+        known,
         cache,
         gateway.metrics,
         metrics,

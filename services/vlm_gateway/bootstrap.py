@@ -30,10 +30,13 @@ from services.vlm_gateway.config import (
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.keys import Keys
-from services.vlm_gateway.metrics import GatewayMetrics, Price
+from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.question_extensions import extension_questions
 from services.vlm_gateway.settings import GatewaySettings
 from services.vlm_gateway.upstream.client import Upstream
+from services.vlm_gateway.usage.accounts import Accounts, Price
+from services.vlm_gateway.usage.ledger import Ledger
+from services.vlm_gateway.usage.opened import usage_store_of
 
 
 def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend:
@@ -43,7 +46,7 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
     config = load_config(path, oracle_allowed=sim_url is not None, noise=_noise(settings))
     where = str(path or "GATEWAY_CONFIG")
     http = HttpMetrics()
-    figures = GatewayMetrics(http.registry, _prices(config.models))
+    figures = GatewayMetrics(http.registry)
     # keys and cache before models: what is quick to find wrong is told quickly
     keys = {
         alias: api_key(alias, model, environment, where)
@@ -55,8 +58,10 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
     backends = {
         alias: _backend(alias, model, keys.get(alias), figures, sim, where) for alias, model in config.models.items()
     }
-    gateway = Gateway(backends, config.roles, cache, figures, extension_questions())
-    callers = Keys(config.keys, revealed(settings.gateway_token))
+    ledger = Ledger(usage_store_of(settings), figures.usage_failed)
+    accounts = Accounts(ledger, _prices(config.models), figures)
+    gateway = Gateway(backends, config.roles, cache, figures, accounts, extension_questions())
+    callers = Keys(config.keys, revealed(settings.gateway_token), config.teams)
     origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
     return build_app(
         gateway,

@@ -27,6 +27,7 @@ from service_kit.settings import BadSetting, secret
 from services.vlm_gateway.backends.extension import BUILT_IN, ExtensionModelConfig, extension_backends
 from services.vlm_gateway.errors import FallbackReason
 from services.vlm_gateway.presets import BoxOrder, BoxStyle, Family, Server, Structured, families, servers
+from services.vlm_gateway.usage.budgets import BudgetConfig
 
 FALLBACK_AFTER: tuple[FallbackReason, ...] = (
     "unreachable",
@@ -156,19 +157,19 @@ ModelConfig = Annotated[
 ]
 
 
-class KeyConfig(Wire):
+class KeyConfig(BudgetConfig):
     """One caller's key and what it may do; what is not given is not bounded. Only the key's SHA-256 is kept
     (`python -m services.vlm_gateway.keys` makes both). Callers of one `tenant` (by default each key is its own) share
-    cached answers. Budgets count per process; a day begins at midnight UTC. `admin` may read /metrics and
-    /v1/status."""
+    cached answers, those of one `team` its budgets. Budgets by day and month (UTC) are shared by all workers and
+    replicas, those by minute count per process. `admin` may read /metrics, /v1/status and everybody's usage."""
 
     sha256: str = Field(pattern=r"^[0-9a-f]{64}$")
     tenant: Name | None = None
+    team: Name | None = None
     models: tuple[ModelName, ...] | None = None
     requests_per_minute: int | None = Field(default=None, ge=1, le=10_000_000)
     concurrency: int | None = Field(default=None, ge=1, le=100_000)
     tokens_per_minute: int | None = Field(default=None, ge=1, le=10_000_000_000)
-    tokens_per_day: int | None = Field(default=None, ge=1, le=10_000_000_000_000)
     admin: bool = False
 
 
@@ -192,6 +193,7 @@ class _File(Wire):
     roles: dict[Role, ModelName] = {}
     keys: dict[Name, KeyConfig] = {}
     limits: ChatLimits = NO_LIMITS_SET
+    teams: dict[Name, BudgetConfig] = {}
 
 
 class GatewayConfig(Wire):
@@ -202,6 +204,7 @@ class GatewayConfig(Wire):
     roles: dict[Role, ModelName]
     keys: dict[Name, KeyConfig] = {}
     limits: ChatLimits = NO_LIMITS_SET
+    teams: dict[Name, BudgetConfig] = {}
 
 
 class ChatModel(Wire):
@@ -277,7 +280,7 @@ def load_config(path: Path | None, *, oracle_allowed: bool, noise: OracleNoise =
             raise BadSetting(f"{where}: roles.parser: {alias!r} is no language model; name one with backend 'chat'")
         roles[role] = alias
     _check_names(file, models, where)
-    return GatewayConfig(models=models, roles=roles, keys=file.keys, limits=file.limits)
+    return GatewayConfig(models=models, roles=roles, keys=file.keys, teams=file.teams, limits=file.limits)
 
 
 def _check_names(file: _File, models: Mapping[str, ModelConfig], where: str) -> None:
@@ -288,6 +291,9 @@ def _check_names(file: _File, models: Mapping[str, ModelConfig], where: str) -> 
                 raise BadSetting(f"{where}: models.{alias}.fallbacks.{at}: {other!r} is no other chat model")
     names: dict[str, str] = {}
     for name, key in file.keys.items():
+        if key.team is not None and key.team not in file.teams:
+            there = ", ".join(sorted(file.teams)) or "none"
+            raise BadSetting(f"{where}: keys.{name}.team: no team {key.team!r} under [teams]; there are {there}")
         if (first := names.setdefault(key.sha256, name)) != name:
             raise BadSetting(f"{where}: keys.{name}.sha256: the same key as keys.{first}")
         for other in key.models or ():
@@ -380,8 +386,8 @@ def _keys_beside(document: Mapping[str, Any], place: list[str]) -> list[str]:
     """The keys that are allowed where `place` is not."""
     if len(place) < 3:
         return list(_File.model_fields)
-    if place[0] == "keys":
-        return list(KeyConfig.model_fields)
+    if place[0] in ("keys", "teams"):
+        return list((KeyConfig if place[0] == "keys" else BudgetConfig).model_fields)
     variants: dict[str, type[Wire]] = {
         "embedded": EmbeddedModelConfig,
         "scripted": ScriptedModelConfig,

@@ -20,6 +20,11 @@ from services.vlm_gateway.keys import Forbidden, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.question_extensions import TypedQuestion
 from services.vlm_gateway.questions import KINDS, Kind, Prepared
+from services.vlm_gateway.upstream.replies import Spent
+from services.vlm_gateway.usage.accounts import Accounts, estimated
+
+QUESTION_BYTES = 2000
+"""The words around a typed question's pictures."""
 
 
 class Found(NamedTuple):
@@ -37,12 +42,14 @@ class Gateway:
         roles: Mapping[Role, str],
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
+        accounts: Accounts,
         more_questions: Sequence[TypedQuestion] = (),
     ) -> None:
         self.backends = backends
         self.roles = roles
         self.cache = cache
         self.metrics = metrics
+        self.accounts = accounts
         self.more_questions = more_questions
         self._kinds = KINDS | {more.question: more.kind for more in more_questions}
         self._flights: Flights[Found] = Flights()
@@ -148,16 +155,27 @@ class Gateway:
 
     async def _ask(self, kind: Kind, alias: str, backend: Backend, prepared: Prepared) -> Answer:
         started = time.perf_counter()
-        provider = backend.settings.config.server if isinstance(backend, ChatBackend) else backend.kind
+        provider, bill = backend.kind, None
+        if isinstance(backend, ChatBackend):
+            provider = backend.settings.config.server
+            estimate = estimated(QUESTION_BYTES, len(prepared.pictures), backend.settings.max_tokens)
+            bill = await self.accounts.reserve(asking.get(), alias, estimate)
+            bill.model_asked()
         try:
             reply = await prepared.ask(backend)
+            if bill is not None:
+                bill.settle(Spent(reply.tokens.prompt, reply.tokens.completion))
         except ServiceError as error:
+            if bill is not None:
+                bill.settle(Spent())
             self.metrics.model_called(provider, alias, time.perf_counter() - started, error=kind_of(error))
             if isinstance(error, ModelError):
                 raise of_our_question(error) from None
             raise
+        finally:
+            if bill is not None:
+                bill.given_up()
         self.metrics.model_called(provider, alias, time.perf_counter() - started, reply.tokens)
-        self.metrics.spent(alias, reply.tokens)
         return kind.answer.model_validate(
             {
                 "outcome": reply.outcome,

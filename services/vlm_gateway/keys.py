@@ -2,13 +2,12 @@
 
     python -m services.vlm_gateway.keys NAME     makes a key, and prints it with the lines for the configuration
 
-A budget counts in this process, and what was spent is known only afterwards: a key is refused while it is in debt.
+Rates (by minute) and places count in this process; budgets by day and month are the package `usage`'s.
 """
 
 import contextvars
 import hashlib
 import hmac
-import math
 import secrets
 import sys
 import time
@@ -18,8 +17,8 @@ from typing import NamedTuple
 from contracts.base import Wire
 from service_kit.errors import ServiceError
 from services.vlm_gateway.config import KeyConfig
+from services.vlm_gateway.usage.budgets import BudgetConfig, OverBudget, Spender
 
-DAY_S = 86_400.0
 _PREFIX = "sk-lvln-"
 
 
@@ -37,27 +36,17 @@ class Forbidden(ServiceError):
     code = "forbidden"
 
 
-class OverBudget(ServiceError):
-    """`code` says which budget: `rate_limited`, `too_many_at_once`, `tokens_spent`."""
-
-    status = 429
-
-    def __init__(self, message: str, *, code: str, wait_s: float, key: str) -> None:
-        seconds = max(1, math.ceil(min(wait_s, DAY_S)))
-        super().__init__(message, code=code, details={"key": key}, headers={"Retry-After": str(seconds)})
-
-
 class _Bucket:
     """Fills steadily up to a minute's worth; may be overdrawn."""
 
     def __init__(self, per_minute: int, now: float) -> None:
         self._per_s = per_minute / 60.0
-        self._size = float(per_minute)
-        self.level = self._size
+        self.size = float(per_minute)
+        self.level = self.size
         self._at = now
 
     def fill(self, now: float) -> float:
-        self.level = min(self._size, self.level + (now - self._at) * self._per_s)
+        self.level = min(self.size, self.level + (now - self._at) * self._per_s)
         self._at = now
         return self.level
 
@@ -67,18 +56,26 @@ class _Bucket:
 
 
 class Key:
-    """One caller. `enter` before its request is served, `leave` after; `spend` what its answers cost."""
+    """One caller. `enter` before its request is served, `leave` after; `hold` what a call to a model may use before it
+    is made, `settle` what it did use. `team` are the budgets of the key's team."""
 
-    def __init__(self, name: str, config: KeyConfig | None, clock: Callable[[], float] = time.time) -> None:
+    def __init__(
+        self,
+        name: str,
+        config: KeyConfig | None,
+        team: BudgetConfig | None = None,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
         self.name = name
         self.tenant = (config.tenant or name) if config else ""
         self.models = None if config is None or config.models is None else frozenset(config.models)
         self.admin = config is None or config.admin
         self.running = 0
-        self.spent_today = 0
+        self.team = config.team if config else None
+        self.spender = _spender(name, config, team)
         self._config = config
         self._clock = clock
-        self._day = 0
+        self._held = 0
         now = clock()
         requests, tokens = (config.requests_per_minute, config.tokens_per_minute) if config else (None, None)
         self._requests = _Bucket(requests, now) if requests else None
@@ -94,12 +91,26 @@ class Key:
     def leave(self) -> None:
         self.running -= 1
 
-    def spend(self, tokens: int) -> None:
-        """Prompt and completion together."""
+    def hold(self, tokens: int) -> None:
+        """Room for so many in this minute's tokens. Raises OverBudget, with the time to wait; a call that is larger
+        than what is left is let through where no other is under way."""
         if self._tokens is not None:
+            level = self._tokens.fill(self._clock())
+            if level <= 0 or (level < tokens and self._held):
+                assert self._config is not None
+                what = (
+                    f"this key's {self._config.tokens_per_minute} tokens a minute are spent or held by calls under way"
+                )
+                wait_s = self._tokens.wait_s(max(0.0, min(tokens, self._tokens.size)))
+                raise OverBudget(what, code="tokens_spent", wait_s=wait_s, key=self.name)
             self._tokens.level -= tokens
-        self._turn_day(self._clock())
-        self.spent_today += tokens
+        self._held += tokens
+
+    def settle(self, held: int, used: int) -> None:
+        """A call that held so many has used so many."""
+        self._held -= held
+        if self._tokens is not None:
+            self._tokens.level += held - used
 
     def may_ask(self, alias: str) -> bool:
         return self.models is None or alias in self.models
@@ -109,24 +120,22 @@ class Key:
         if config.concurrency is not None and self.running >= config.concurrency:
             what = f"this key has {self.running} requests under way, which is all it may have at a time"
             raise OverBudget(what, code="too_many_at_once", wait_s=1.0, key=self.name)
-        if self._tokens is not None and self._tokens.fill(now) <= 0:
-            what = f"this key has spent its {config.tokens_per_minute} tokens a minute"
-            raise OverBudget(what, code="tokens_spent", wait_s=self._tokens.wait_s(0.0), key=self.name)
-        if config.tokens_per_day is not None:
-            self._turn_day(now)
-            if self.spent_today >= config.tokens_per_day:
-                what = f"this key has spent its {config.tokens_per_day} tokens of today (UTC)"
-                raise OverBudget(what, code="tokens_spent", wait_s=DAY_S - now % DAY_S, key=self.name)
         if self._requests is not None:
             if self._requests.fill(now) < 1.0:
                 what = f"this key has made its {config.requests_per_minute} requests a minute"
                 raise OverBudget(what, code="rate_limited", wait_s=self._requests.wait_s(1.0), key=self.name)
             self._requests.level -= 1.0
 
-    def _turn_day(self, now: float) -> None:
-        day = int(now // DAY_S)
-        if day != self._day:
-            self._day, self.spent_today = day, 0
+
+def _spender(name: str, config: KeyConfig | None, team: BudgetConfig | None) -> Spender:
+    owner = f"key:{name}"
+    if config is None:
+        return Spender(name, (owner,), ())
+    budgets = config.budgets(owner)
+    if config.team is None:
+        return Spender(name, (owner,), budgets)
+    teams_owner = f"team:{config.team}"
+    return Spender(name, (owner, teams_owner), budgets + (team.budgets(teams_owner) if team else ()))
 
 
 ANYBODY = Key("", None)
@@ -144,8 +153,17 @@ class _Hashed(NamedTuple):
 class Keys:
     """All keys by hash. `token` is the operator's own, which may do everything."""
 
-    def __init__(self, configured: Mapping[str, KeyConfig], token: str | None = None) -> None:
-        hashed = [_Hashed(bytes.fromhex(config.sha256), Key(name, config)) for name, config in configured.items()]
+    def __init__(
+        self,
+        configured: Mapping[str, KeyConfig],
+        token: str | None = None,
+        teams: Mapping[str, BudgetConfig] | None = None,
+    ) -> None:
+        self.teams = dict(teams or {})
+        hashed = [
+            _Hashed(bytes.fromhex(config.sha256), Key(name, config, self.teams.get(config.team or "")))
+            for name, config in configured.items()
+        ]
         if token is not None:
             hashed.append(_Hashed(hashlib.sha256(token.encode()).digest(), Key("operator", None)))
         self._by_hash = {one.digest: one for one in hashed}

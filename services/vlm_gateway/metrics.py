@@ -5,7 +5,6 @@ Those of model calls carry OpenTelemetry's names (semantic conventions for gener
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import GaugeMetricFamily, Metric
@@ -13,33 +12,25 @@ from prometheus_client.registry import Collector
 
 from contracts.vlm_gateway import Tokens
 from service_kit.metrics import Spreads, Sums
-from services.vlm_gateway.keys import asking
 from services.vlm_gateway.upstream.replies import Spent
 
 _BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 _TOKEN_BUCKETS = (1, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536, 262_144, 1_048_576)
 
 
-class Price(NamedTuple):
-    """US dollars a million tokens."""
-
-    prompt: float
-    completion: float
-
-
 class GatewayMetrics:
     """`outcome` is the contract's outcome or an error's code; `model` is the configured alias, so that clients can't
-    multiply the series. `prices` by alias."""
+    multiply the series."""
 
-    def __init__(self, registry: CollectorRegistry, prices: Mapping[str, Price] | None = None) -> None:
+    def __init__(self, registry: CollectorRegistry) -> None:
         labels = ["role", "backend", "model"]
         self._registry = registry
-        self._prices = dict(prices or {})
         self._calls = self._counter("calls", "Questions and chats by outcome.", [*labels, "outcome", "cache"])
         self._seconds = self._spread("vlm_gateway_call_seconds", "Time to an answer.", [*labels, "cache"], _BUCKETS)
         self._tokens = self._counter("tokens", "Tokens spent, cache hits not counted.", ["model", "key", "kind"])
         self._usd = self._counter("cost_usd", "US dollars spent, by the configured prices.", ["model", "key"])
         self._cache_failures = self._counter("cache_failures", "Cache operations that failed.", ["operation", "kind"])
+        self._usage_failures = self._counter("usage_failures", "Times the store of usage could not be used.", [])
         self._retries = self._counter("retries", "Calls to a server made again.", ["model", "after"])
         self._fallbacks = self._counter("fallbacks", "Chats handed on to another model.", ["model", "to", "after"])
         self._refused = self._counter("refused", "Requests refused for their key or its budget.", ["key", "code"])
@@ -59,15 +50,16 @@ class GatewayMetrics:
         self._calls.add(role, backend, model, outcome, cache)
         self._seconds.add(role, backend, model, cache, value=seconds)
 
-    def spent(self, model: str, tokens: Tokens | Spent) -> None:
-        """A model's answer was paid for, by whoever is asking."""
-        key = asking.get()
-        key.spend(tokens.prompt + tokens.completion)
-        self._tokens.add(model, key.name, "prompt", amount=tokens.prompt)
-        self._tokens.add(model, key.name, "completion", amount=tokens.completion)
-        if (price := self._prices.get(model)) is not None:
-            usd = (tokens.prompt * price.prompt + tokens.completion * price.completion) / 1e6
-            self._usd.add(model, key.name, amount=usd)
+    def spent(self, model: str, key: str, tokens: Spent, nano_usd: int) -> None:
+        """A call was paid for by this key."""
+        self._tokens.add(model, key, "prompt", amount=tokens.prompt)
+        self._tokens.add(model, key, "completion", amount=tokens.completion)
+        if nano_usd:
+            self._usd.add(model, key, amount=nano_usd / 1e9)
+
+    def usage_failed(self) -> None:
+        """The store of what was spent could not be used."""
+        self._usage_failures.add()
 
     def model_called(
         self, provider: str, model: str, seconds: float, tokens: Tokens | Spent | None = None, error: str = ""

@@ -34,7 +34,7 @@ class CacheSettings(Settings):
 class GatewaySettings(CacheSettings, ServiceSettings):
     """All optional."""
 
-    prefixes: ClassVar = ("GATEWAY_", "VLM_GATEWAY_", "ORACLE_", "CACHE_")
+    prefixes: ClassVar = ("GATEWAY_", "VLM_GATEWAY_", "ORACLE_", "CACHE_", "USAGE_")
 
     port: int = Field(8102, ge=1, le=65535, description="The TCP port to listen at.")
     drain_timeout_s: int = Field(
@@ -46,6 +46,13 @@ class GatewaySettings(CacheSettings, ServiceSettings):
     gateway_config: Path | None = Field(None, description="The TOML file of models, roles and keys (docs/gateway.md).")
     gateway_token: Token | None = Field(
         None, description="The operator's token, which may do everything; without it and without keys all may call."
+    )
+    usage_path: Path | None = Field(
+        None, description="The SQLite file of what keys and teams have spent; unset: usage.sqlite beside CACHE_PATH."
+    )
+    usage_redis_url: Secret | None = Field(
+        None,
+        description="A Redis that evicts nothing, for the same, shared by replicas; unset: REDIS_URL, if set.",
     )
     request_log_share: Rate = Field(
         0.01,

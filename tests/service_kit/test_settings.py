@@ -127,6 +127,7 @@ def test_a_misspelt_or_unknown_variable_is_told() -> None:
             "KITCHEN_TOKENS": "x",
             "SUPLIER_URL": "x",
             "KITCHEN_X": "1",
+            "TOKEN_FILE": "x",
             "PATH": "/",
         }
     )
@@ -134,6 +135,7 @@ def test_a_misspelt_or_unknown_variable_is_told() -> None:
         "KITCHEN_TOKENS is set, but there is no such setting; did you mean KITCHEN_TOKEN?",
         "KITCHEN_X is set, but there is no such setting; did you mean KITCHEN_TOKEN?",
         "SUPLIER_URL is set, but there is no such setting; did you mean SUPPLIER_URL?",
+        "TOKEN_FILE is set, but there is no such setting; did you mean KITCHEN_TOKEN_FILE?",
     ]
     assert Kitchen.unknown({"KITCHEN_URL": "x"}, frozenset({"KITCHEN_URL"})) == []
 

@@ -89,6 +89,22 @@ async def test_a_model_that_is_not_there_is_told_from_a_service(services: Servic
     assert "no-such-model" in result.message
 
 
+async def test_over_rest_a_model_that_is_not_there_is_refused_with_those_that_are(orchestrator_url: str) -> None:
+    async with httpx.AsyncClient(base_url=orchestrator_url, timeout=60) as client:
+        before = (await client.get("/v1/deliveries")).json()
+        refused = await client.post("/v1/deliveries", json={"sample": SAMPLE, "backend": "no-such-model"})
+        assert refused.status_code == 422
+        assert refused.json()["error"]["code"] == "unknown_model"
+        assert "there are embedded, oracle" in refused.json()["error"]["message"]
+        assert (await client.get("/v1/deliveries")).json() == before
+
+
+async def test_a_thing_never_learnt_is_told_on_the_ground(services: Services, runs: Path) -> None:
+    result, _ = await fly(services, runs, backend="embedded", request="4th floor, the window with the saxophone")
+    assert (result.outcome, result.path_m, result.steps) == ("object_unknown", 0.0, 0)
+    assert "never learnt to recognise a saxophone" in result.message
+
+
 async def test_cancelling_in_the_air_ends_the_flight_and_the_episode(
     services: Services, runs: Path, at: Addresses
 ) -> None:

@@ -7,6 +7,7 @@ from pydantic import ValidationError
 from contracts.base import Unit, Wire
 from contracts.geometry import Box
 from contracts.vlm_gateway import Match
+from service_kit.errors import BadQuestion
 from service_kit.settings import BadSetting
 from services.vlm_gateway.backends.base import (
     Building,
@@ -90,8 +91,8 @@ class ColourBackend:
         import cv2  # heavy imports belong into what needs them
 
         hsv = cv2.cvtColor(_pixels(picture), cv2.COLOR_BGR2HSV)
-        off = cv2.absdiff(hsv[..., 0], hue)
-        strong = ((cv2.min(off, 180 - off) < 12) & (hsv[..., 1] > 110) & (hsv[..., 2] > 60)).astype("uint8")
+        off = abs(hsv[..., 0].astype(int) - hue)
+        strong = (((off < 12) | (off > 168)) & (hsv[..., 1] > 110) & (hsv[..., 2] > 60)).astype("uint8")
         count, _, stats, _ = cv2.connectedComponentsWithStats(strong)
         patches = [stats[n] for n in range(1, count) if stats[n][4] >= self._options.min_share * strong.size]
         if not patches:
@@ -109,4 +110,7 @@ def _pixels(picture: Picture) -> "NDArray[np.uint8]":
     import cv2
     import numpy as np
 
-    return cv2.imdecode(np.frombuffer(picture.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    bgr = cv2.imdecode(np.frombuffer(picture.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        raise BadQuestion("the picture's data could not be decoded", code="bad_image")
+    return bgr.astype(np.uint8, copy=False)

@@ -13,13 +13,14 @@ from services.vlm_gateway.hot.relay import Course, Pieces, Relayed
 from services.vlm_gateway.hot.request import Chat, part_types, unknown_fields, unknown_parts
 from services.vlm_gateway.hot.rewriting import rewritten
 from services.vlm_gateway.hot.scan import Scanned
-from services.vlm_gateway.keys import Forbidden, Key
+from services.vlm_gateway.keys import Forbidden, Key, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.upstream.events import ChatReader, outcome_of
 from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.upstream.replies import Said, Spent
 from services.vlm_gateway.upstream.stream import ChatStream
+from services.vlm_gateway.usage.accounts import Accounts, Bill, estimated
 
 
 class Answered(NamedTuple):
@@ -44,6 +45,11 @@ class ChatCall(NamedTuple):
         """Every target with the one that comes after it."""
         return zip(self.targets, [*self.targets[1:], None], strict=True)
 
+    @property
+    def estimate(self) -> Spent:
+        """What it may use."""
+        return estimated(len(self.scanned.skeleton), len(self.scanned.pictures), self.chat.max_tokens)
+
 
 class Models:
     """`targets` by alias, in which `default` names the one that answers where a request names none."""
@@ -54,7 +60,9 @@ class Models:
         default: str | None,
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
+        accounts: Accounts,
     ) -> None:
+        self._accounts = accounts
         self._targets = targets
         self.default = default
         self._cache = cache
@@ -89,19 +97,25 @@ class Models:
         return [first, *(other for other in others if other.accepts.takes(chat.further, kinds))]
 
     async def whole(self, call: ChatCall) -> Answered:
-        """Target by target, until one answers."""
+        """Target by target, until one answers. Raises OverBudget as well."""
         for target, after in call.in_turn():
             started = time.perf_counter()
+            bill = await self._accounts.reserve(asking.get(), target.alias, call.estimate)
             try:
-                answer = await target.whole(await self._body(target, call), call.trace)
+                answer = await target.whole(await self._body(target, call), call.trace, bill.model_asked)
                 if answer.said.message is None:
                     raise target.no_choice()
+                bill.settle(answer.said.tokens)
             except ModelError as error:
+                # a server that said more than is taken has been paid for it
+                bill.settle(call.estimate if error.details.get("reason") == "too_large" else Spent())
                 if not self._passes_on(target, after, error, started):
                     raise
                 continue
+            finally:
+                bill.given_up()
             outcome = _outcome(answer.said, call.chat.limits_length)
-            self._spent(target, started, answer.said.tokens)
+            self._called(target, started, answer.said.tokens)
             if outcome == "answered":
                 self._keep(call, target, Stored(target.alias, False, answer.body))
             return Answered(target.alias, answer.body, outcome)
@@ -109,15 +123,20 @@ class Models:
 
     async def events(self, call: ChatCall, course: Course) -> Pieces:
         """A stream's bytes as they come, once one of the targets has something to say. Kept whole, with its end seen,
-        or not at all. What was passed on is paid for, however it ends."""
+        or not at all. What was passed on is paid for, however it ends. Raises OverBudget as well."""
         for target, after in call.in_turn():
             started = time.perf_counter()
+            bill = await self._accounts.reserve(asking.get(), target.alias, call.estimate)
             try:
-                stream = await self._opened(target, call)
+                stream = await self._opened(target, call, bill)
             except ModelError as error:
+                bill.settle(Spent())
                 if not self._passes_on(target, after, error, started):
                     raise
                 continue
+            except BaseException:
+                bill.given_up()
+                raise
             course.alias = target.alias
             relayed, failed = Relayed(), "caller_left"
             try:
@@ -130,7 +149,9 @@ class Models:
                 raise
             finally:
                 stream.close()
-                self._spent(target, started, _cost(stream.said), failed)
+                used = _used(stream.said, bill.estimate)
+                bill.settle(used)
+                self._called(target, started, used, failed)
             course.outcome = stream.said.outcome(call.chat.limits_length)
             if course.outcome == "answered" and (whole := relayed.whole) is not None:
                 self._keep(call, target, Stored(target.alias, True, whole))
@@ -143,20 +164,19 @@ class Models:
         scaled = await self._fitter.fitted(pictures, accepts.pictures) if pictures else None
         return rewritten(call.scanned, call.chat, accepts, scaled)
 
-    async def _opened(self, target: Upstream, call: ChatCall) -> ChatStream:
+    async def _opened(self, target: Upstream, call: ChatCall, bill: Bill) -> ChatStream:
         """The stream of one target. A server that does not know how to count a stream's tokens isn't asked to again."""
         while True:
             counting = target.accepts.counts_streams and not call.chat.wants_usage
             try:
-                return await target.stream(await self._body(target, call), call.trace, without_usage=counting)
+                body = await self._body(target, call)
+                return await target.stream(body, call.trace, bill.model_asked, without_usage=counting)
             except ModelRejected as error:
                 if not counting or not target.refuses_to_count(error):
                     raise
 
-    def _spent(self, target: Upstream, started: float, tokens: Spent, failed: str = "") -> None:
-        took_s = time.perf_counter() - started
-        self._metrics.model_called(target.provider, target.alias, took_s, tokens, failed)
-        self._metrics.spent(target.alias, tokens)
+    def _called(self, target: Upstream, started: float, used: Spent, failed: str = "") -> None:
+        self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, used, failed)
 
     def _keep(self, call: ChatCall, target: Upstream, answer: Stored) -> None:
         """Unless another model stood in: its answer is not the one that was asked for."""
@@ -182,6 +202,6 @@ def _outcome(said: Said, length_asked_for: bool) -> str:
     )
 
 
-def _cost(said: ChatReader) -> Spent:
-    """The server's own count; else what was passed on."""
-    return said.usage or Spent(completion=said.completion_tokens)
+def _used(said: ChatReader, estimate: Spent) -> Spent:
+    """The server's own count; else the request as it was estimated, and what was passed on."""
+    return said.usage or Spent(estimate.prompt, said.completion_tokens)

@@ -60,9 +60,16 @@ class Chat(NamedTuple):
         return self.body.get("temperature") == 0
 
     @property
+    def max_tokens(self) -> int | None:
+        """How long the caller says that an answer may be, if it does."""
+        limit = self.body.get("max_completion_tokens")
+        limit = self.body.get("max_tokens") if limit is None else limit
+        return limit if isinstance(limit, int) else None
+
+    @property
     def limits_length(self) -> bool:
-        """Whether the caller says how long an answer may be, so that one that is cut there is what was asked for."""
-        return any(self.body.get(name) is not None for name in ("max_tokens", "max_completion_tokens"))
+        """Whether an answer that is cut is what was asked for."""
+        return self.max_tokens is not None
 
     @property
     def wants_usage(self) -> bool:

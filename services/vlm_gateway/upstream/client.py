@@ -121,15 +121,24 @@ class Upstream:
 
         return await self._admitted(self._request(urlsplit(call.url).path, [call.body], None), once, patient=True)
 
-    async def whole(self, body: Sequence[Buffer], trace: bytes | None) -> Answer:
-        """One whole reply to a chat in OpenAI's form. Raises as `ask` does."""
-        return await self._admitted(self._request(self._chats, body, trace), self._whole)
+    async def whole(self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None]) -> Answer:
+        """One whole reply to a chat in OpenAI's form; `sending` is told when the server is about to be asked. Raises as
+        `ask` does."""
 
-    async def stream(self, body: Sequence[Buffer], trace: bytes | None, *, without_usage: bool) -> ChatStream:
+        async def once(request: list[Buffer], deadline: float) -> Answer:
+            sending()
+            return await self._whole(request, deadline)
+
+        return await self._admitted(self._request(self._chats, body, trace), once)
+
+    async def stream(
+        self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None], *, without_usage: bool
+    ) -> ChatStream:
         """The reply once there is something in it for the caller; its place is held until that is closed. Raises as
         `ask` does."""
 
         async def once(request: list[Buffer], deadline: float) -> ChatStream:
+            sending()
             return await self._stream(request, deadline, without_usage)
 
         stream = await self._admitted(self._request(self._chats, body, trace), once, keep=True)

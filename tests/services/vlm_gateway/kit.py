@@ -4,6 +4,7 @@ import contextlib
 import socket
 import sqlite3
 import time
+import uuid
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +26,10 @@ from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.upstream.client import Upstream
+from services.vlm_gateway.usage.accounts import Accounts, Price
+from services.vlm_gateway.usage.ledger import Ledger
+from services.vlm_gateway.usage.port import UsageStore
+from services.vlm_gateway.usage.sqlite import SqliteUsage
 from tests.services.vlm_gateway.openai_mock import OpenAiMock
 
 HEADINGS = (-90, -45, 0, 45, 90)
@@ -87,6 +92,8 @@ def build(
     cache: Cache | None = None,
     mode: Mode = "on",
     roles: Mapping[str, str] | None = None,
+    usage: UsageStore | None = None,
+    prices: Mapping[str, Price] | None = None,
     **app: Any,
 ) -> Built:
     """An app whose roles are all played by the first back end unless `roles` says otherwise."""
@@ -95,7 +102,8 @@ def build(
     guarded = None if cache is None else GuardedCache(cache, mode, figures.cache_failed, probe_every_s=0.1)
     first = next(iter(backends))
     played: Any = roles or dict.fromkeys(("floors", "recognition", "choice"), first)
-    gateway = Gateway(backends, played, guarded, figures)
+    ledger = Ledger(usage or SqliteUsage(None, uuid.uuid4().hex), figures.usage_failed)
+    gateway = Gateway(backends, played, guarded, figures, Accounts(ledger, prices or {}, figures))
     return Built(build_app(gateway, http, **app), gateway)
 
 

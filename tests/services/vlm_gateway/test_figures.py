@@ -2,8 +2,12 @@
 
 from prometheus_client import CollectorRegistry, Histogram
 
-from contracts.vlm_gateway import Tokens
-from services.vlm_gateway.metrics import GatewayMetrics, Price
+from services.vlm_gateway.keys import ANYBODY
+from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.upstream.replies import Spent
+from services.vlm_gateway.usage.accounts import Accounts, Price
+from services.vlm_gateway.usage.ledger import Ledger
+from services.vlm_gateway.usage.sqlite import SqliteUsage
 
 DURATION = "gen_ai_client_operation_duration_seconds"
 BOUNDS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
@@ -37,12 +41,17 @@ def test_a_histogram_reads_as_the_client_library_would_have_written_it() -> None
     assert ours.get_sample_value(DURATION + "_count", LABELS) == len(SECONDS)
 
 
-def test_tokens_and_what_they_cost_add_up() -> None:
+async def test_tokens_and_what_they_cost_add_up() -> None:
     registry = CollectorRegistry()
-    figures = GatewayMetrics(registry, {"dear": Price(prompt=2.0, completion=10.0)})
+    figures = GatewayMetrics(registry)
+    ledger = Ledger(SqliteUsage(None, "one"), figures.usage_failed)
+    accounts = Accounts(ledger, {"dear": Price(prompt=2.0, completion=10.0)}, figures)
     for model in ("dear", "free"):
         for _ in range(3):
-            figures.spent(model, Tokens(prompt=1000, completion=200))
+            bill = await accounts.reserve(ANYBODY, model, Spent(1, 1))
+            bill.settle(Spent(1000, 200))
+            bill.settle(Spent(7, 7))  # a bill is settled once
+    await ledger.close()
     tokens = {"model": "dear", "key": "", "kind": "completion"}
     assert registry.get_sample_value("vlm_gateway_tokens_total", tokens) == 600
     dollars = registry.get_sample_value("vlm_gateway_cost_usd_total", {"model": "dear", "key": ""})
