@@ -1,21 +1,32 @@
 """depth_assist: viewpoint selection, safe distances, approach. Equation numbers are the paper's."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from contracts.base import Metres, Unit, Wire
-from contracts.geometry import Box, Heading, Point2, Point3, PointLabel, Pose
+from contracts.base import Metres, Name, Unit, Wire
+from contracts.cameras import MAX_CAMERAS, Camera
+from contracts.geometry import Box, Point2, Point3, PointLabel, Pose
 from contracts.images import DepthMap
 
 Positive = Annotated[float, Field(gt=0.0, le=10_000.0)]
 
 
 class ViewDepth(Wire):
-    """One camera's depth: 90 degrees across and down, pinhole."""
+    """One camera's depth, in the size of the camera's pictures."""
 
-    heading_deg: Heading
+    camera: Camera
     depth: DepthMap
+
+    @model_validator(mode="after")
+    def _same_size(self) -> Self:
+        camera, depth = self.camera, self.depth
+        if (camera.width, camera.height) != (depth.width, depth.height):
+            raise ValueError(
+                f"camera {camera.name} takes {camera.width} x {camera.height} pixels; its depth map has "
+                f"{depth.width} x {depth.height}"
+            )
+        return self
 
 
 class ViewpointConstants(Wire):
@@ -39,10 +50,11 @@ class ViewpointSettings(ViewpointConstants):
 
 
 class ViewpointQuestion(Wire):
-    """`building_box` crops the rows (its y-range only); `d_max_m` is the value that the last answer handed back, null
+    """Level views alone are looked at. `building_box`, of the view that looks ahead, crops the rows (its y-range only);
+    `d_max_m` is the value that the last answer handed back, null
     at the first step; `seed` serves the `random` policy."""
 
-    views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=5)
+    views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=MAX_CAMERAS)
     building_box: Box | None = None
     settings: ViewpointSettings = ViewpointSettings()
     d_max_m: Positive | None = None
@@ -65,17 +77,19 @@ class Split(Wire):
 class ViewScore(Wire):
     """`slice_means_m` from the picture's left to its right, whatever the direction; null where no pixel was valid."""
 
-    heading_deg: Heading
+    camera: Name
+    heading_deg: float
     slice_means_m: tuple[float | None, ...]
     splits: tuple[Split, ...]
     best_j: int | None
 
 
 class ViewpointAnswer(Wire):
-    """`reason`: `split` (eq. 6 chose), `no_split` (the default view, d_max raised for the next step), or the ablation
-    `random` / `default`. `d_max_next_m` goes into the next question."""
+    """The view chosen. `reason`: `split` (eq. 6 chose), `no_split` (the default view, d_max raised for the next step),
+    or the ablation `random` / `default`. `d_max_next_m` goes into the next question."""
 
-    heading_deg: Heading
+    camera: Name
+    heading_deg: float
     reason: Literal["split", "no_split", "random", "default"]
     d_max_m: float
     d_max_next_m: float
@@ -96,16 +110,16 @@ class SafeDistanceSettings(Wire):
 
 
 class SafeDistancesQuestion(Wire):
-    """`others`: further views of the same moment, with other headings; the corridors of the outer points leave the
-    picture of `view`, and only the neighbouring cameras see what stands there."""
+    """`view` must be level; `others`: further views of the same moment; the corridors of the outer points leave the
+    picture of `view`, and only other cameras see what stands there, overhead or underneath."""
 
     view: ViewDepth
-    others: tuple[ViewDepth, ...] = Field(default=(), max_length=4)
+    others: tuple[ViewDepth, ...] = Field(default=(), max_length=MAX_CAMERAS)
     settings: SafeDistanceSettings = SafeDistanceSettings()
 
 
 class DirectionPoint(Wire):
-    """Point k of 5 at x = k/6 of the width, on the middle row. `bearing_deg` is relative to the nose, positive to the
+    """Point k of 5 at x = k/6 of the width, on the horizon. `bearing_deg` is relative to the nose, positive to the
     right; `distance_m` how far one may fly along it; `nearest_return_m` what limits it, null if nothing does."""
 
     label: PointLabel
@@ -138,7 +152,7 @@ class ApproachQuestion(Wire):
     lies beside the way. `max_leg_m` caps the flight, so that a far target is approached in several looks."""
 
     view: ViewDepth
-    others: tuple[ViewDepth, ...] = Field(default=(), max_length=4)
+    others: tuple[ViewDepth, ...] = Field(default=(), max_length=MAX_CAMERAS)
     box: Box
     pose: Pose
     settings: ApproachSettings = ApproachSettings()
@@ -184,11 +198,11 @@ class ExploreSettings(Wire):
 
 
 class ExploreQuestion(Wire):
-    """The views of one moment and the measured pose they were taken at; those of -90, 0 and 90 degrees make the map,
-    all of them check the way. `map` is what the last answer handed back, null at the first step, when the target
-    building lies ahead, within `building_box`'s width if there is one."""
+    """The views of one moment and the measured pose they were taken at; the level ones make the map, all of them check
+    the way. `map` is what the last answer handed back, null at the first step, when the target building lies ahead,
+    within `building_box`'s width in the view that looks ahead, if there is one."""
 
-    views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=5)
+    views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=MAX_CAMERAS)
     pose: Pose
     map: str | None = Field(default=None, min_length=4, max_length=1024 * 1024)
     building_box: Box | None = None

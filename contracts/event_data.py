@@ -6,7 +6,7 @@ from pydantic import AliasChoices, AliasPath, ConfigDict, Field, JsonValue
 
 from contracts.base import Metres, Name, Unit, Wire
 from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreDrawing, PlanPoint, ViewpointAnswer
-from contracts.geometry import Heading, Point2, Point3, PointLabel, Pose
+from contracts.geometry import Point2, Point3, PointLabel, Pose
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import DeliveryResult
 from contracts.sim import Verdict
@@ -145,7 +145,8 @@ class DirectionData(Wire):
     `answer` is null where no model was asked."""
 
     exploration_step: int = Field(ge=0)
-    heading_deg: Heading
+    camera: Name
+    heading_deg: float
     viewpoint: ViewpointAnswer
     points: tuple[DirectionPoint, ...]
     offered: tuple[PointLabel, ...]

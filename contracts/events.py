@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 
 from contracts.base import Wire
+from contracts.cameras import default_rig
 from contracts.event_data import (
     ApproachData,
     BuildingBoxData,
@@ -184,12 +185,24 @@ def read_event(text: str | bytes) -> Event:
         return _KNOWN.validate_json(text, extra="ignore")
     except ValidationError:
         event = UnknownEvent.model_validate_json(text, extra="ignore")
-    if event.kind not in RENAMED_KINDS:
-        return event
+    told = _with_cameras(event.model_dump()) | {"kind": RENAMED_KINDS.get(event.kind, event.kind)}
     try:
-        return _KNOWN.validate_python(event.model_dump() | {"kind": RENAMED_KINDS[event.kind]}, extra="ignore")
+        return _KNOWN.validate_python(told, extra="ignore")
     except ValidationError:
         return event
+
+
+def _with_cameras(value: Any) -> Any:
+    """What version 0.1 recorded named a view by its heading alone, one of the default rig's."""
+    if isinstance(value, list):
+        return [_with_cameras(item) for item in value]
+    if not isinstance(value, dict):
+        return value
+    known = {key: _with_cameras(item) for key, item in value.items()}
+    if "heading_deg" in known and "camera" not in known:
+        names = {camera.heading_deg: camera.name for camera in default_rig().cameras}
+        known["camera"] = names.get(known["heading_deg"])
+    return known
 
 
 def json_schema() -> dict[str, Any]:

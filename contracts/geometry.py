@@ -1,4 +1,4 @@
-"""Places, poses, boxes and view headings, shared by all services."""
+"""Places, poses and boxes, shared by all services."""
 
 from typing import Literal, Self
 
@@ -6,14 +6,10 @@ from pydantic import model_validator
 
 from contracts.base import Coordinate, Radians, Unit, Wire
 
-Heading = Literal[-90, -45, 0, 45, 90]
-"""A camera's heading in degrees relative to the drone's nose, positive to the right."""
-
 PointLabel = Literal["a", "b", "c", "d", "e"]
 """One of the five marked points of a view, from left to right; c is straight ahead."""
 
 POINT_LABELS: tuple[PointLabel, ...] = ("a", "b", "c", "d", "e")
-VIEW_HEADINGS_DEG: tuple[Heading, ...] = (-90, -45, 0, 45, 90)
 
 
 class Point2(Wire):

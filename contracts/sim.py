@@ -13,8 +13,8 @@ from typing import Literal
 from pydantic import Field
 
 from contracts.base import Name, Wire
-from contracts.cameras import Rig, default_rig
-from contracts.geometry import Box, Heading, Point3, Pose
+from contracts.cameras import MAX_CAMERAS, Camera, Rig, default_rig
+from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Scene
 from contracts.vehicle import VehicleState
 
@@ -83,11 +83,11 @@ class Verdict(Wire):
 
 
 class TruthQuestion(Wire):
-    """For the `oracle` back end only; the route exists only where the truth is switched on. `candidates` are places
-    whose remaining way to the goal is wanted; without `views` nothing else is told."""
+    """For the `oracle` back end only; the route exists only where the truth is switched on. `cameras`: what is shown to
+    whom, as they look from where the drone is now; headings are relative to its nose, whatever its own rig is.
+    `candidates`: places whose remaining way to the goal is wanted."""
 
-    views: tuple[Heading, ...] = Field(default=(-90, -45, 0, 45, 90), max_length=5)
-    size: int = Field(default=800, ge=64, le=1600)
+    cameras: tuple[Camera, ...] = Field(default=(), max_length=MAX_CAMERAS)
     candidates: tuple[Point3, ...] = Field(default=(), max_length=16)
 
 
@@ -105,7 +105,9 @@ class VisibleObject(Wire):
 
 
 class TruthView(Wire):
-    heading_deg: Heading
+    """What the camera of that name shows. `floor_rows`: 0..1 from the top, the lowest floor first."""
+
+    camera: Name
     objects: tuple[VisibleObject, ...]
     building_box: Box | None
     floors_visible: int
@@ -113,8 +115,9 @@ class TruthView(Wire):
 
 
 class Truth(Wire):
-    """`remaining_m` is the shortest collision-free way from each candidate to the goal's window; null if there
-    is none. `scene` and `moves` say where and when: the scene's name, and how many moves the drone has made."""
+    """`views`: of the question's cameras, in their order. `remaining_m` is the shortest collision-free way from each
+    candidate to the goal's window; null if there is none. `scene` and `moves` say where and when: the scene's name, and
+    how many moves the drone has made."""
 
     scene: str = ""
     moves: int = 0

@@ -11,11 +11,13 @@ from typing import Literal
 from pydantic import Field
 
 from contracts.base import Metres, Name, Unit, Wire
-from contracts.geometry import Box, Heading, PointLabel
+from contracts.cameras import MAX_CAMERAS, Camera
+from contracts.geometry import Box, PointLabel
 from contracts.images import JpegImage
 
 Role = Literal["parser", "floors", "recognition", "choice"]
 Outcome = Literal["answered", "unreadable", "refused"]
+MAX_MATCHES = 25
 CacheResult = Literal["hit", "miss", "off"]
 BackendKind = Name
 """`embedded`, `chat`, `oracle`, `scripted`, or the name under which another package brings its back end."""
@@ -69,17 +71,18 @@ class Answer(Wire):
 
 
 class View(Wire):
-    """One camera's picture."""
+    """One camera's picture. The camera's heading and pitch say where it looked, relative to the drone's nose."""
 
-    heading_deg: Heading
+    camera: Camera
     image: JpegImage
 
 
 class FloorCountQuestion(Question):
     """How many floors of the building ahead are visible? A floor counts when the middle of its row of windows lies
-    inside the picture."""
+    inside the picture. `camera`: what took the picture; without it the picture is taken as it is."""
 
     image: JpegImage
+    camera: Camera | None = None
 
 
 class FloorCountAnswer(Answer):
@@ -91,9 +94,11 @@ class FloorCountAnswer(Answer):
 
 
 class BuildingBoxQuestion(Question):
-    """Where in the picture is the building straight ahead?"""
+    """Where in the picture is the building straight ahead? `camera`: what took the picture; without it the picture is
+    taken as it is."""
 
     image: JpegImage
+    camera: Camera | None = None
 
 
 class BuildingBoxAnswer(Answer):
@@ -103,16 +108,17 @@ class BuildingBoxAnswer(Answer):
 
 
 class FindObjectQuestion(Question):
-    """Is this object visible in any of the views, and where? `object` is a noun phrase."""
+    """Is this object visible in any of the views, and where? `object` is a noun phrase. The views' cameras have names
+    of their own."""
 
     object: str = Field(min_length=1, max_length=200)
-    views: tuple[View, ...] = Field(min_length=1, max_length=5)
+    views: tuple[View, ...] = Field(min_length=1, max_length=MAX_CAMERAS)
 
 
 class Match(Wire):
-    """One place where the model sees the object; `confidence` is 1 where a model gives none."""
+    """One place where the model sees the object, by the camera's name; `confidence` is 1 where a model gives none."""
 
-    heading_deg: Heading
+    camera: Name
     box: Box
     confidence: Unit = 1.0
 
@@ -123,7 +129,7 @@ class FindObjectAnswer(Answer):
     Null: the model names only what it is sure of. `found` says that some match may be claimed."""
 
     found: bool | None = None
-    matches: tuple[Match, ...] = Field(default=(), max_length=25)
+    matches: tuple[Match, ...] = Field(default=(), max_length=MAX_MATCHES)
     claim_confidence: Unit | None = None
 
 
@@ -139,9 +145,9 @@ class MarkedPoint(Wire):
 
 class ChooseDirectionQuestion(Question):
     """Towards which of the marked points should the drone fly to go on searching round the building? `image` already
-    carries the marks."""
+    carries the marks; `camera` took it."""
 
-    heading_deg: Heading
+    camera: Camera
     image: JpegImage
     points: tuple[MarkedPoint, ...] = Field(min_length=1, max_length=5)
     task: str = Field(min_length=1, max_length=1000)

@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 
 from contracts.cameras import Camera as WireCamera
 from contracts.depth_assist import ViewDepth
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Pose
+from contracts.geometry import Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.vehicle import Observation, SensedView
 from mission.ports import ServiceRefused
-from navigation.camera import Camera, DepthView
-
-_HEADINGS = {int(heading): heading for heading in VIEW_HEADINGS_DEG}
+from navigation.camera import Camera, DepthView, fewest
 
 
 @dataclass(frozen=True)
@@ -35,10 +33,6 @@ class Sight:
     def seen(self) -> DepthView:
         """The depth with its camera, as the mathematics takes it."""
         return DepthView(self.camera, self.depth_m)
-
-    @property
-    def heading_deg(self) -> Heading:
-        return _HEADINGS[round(self.camera.heading_deg)]
 
     @cached_property
     def rgb(self) -> NDArray[np.uint8]:
@@ -66,7 +60,7 @@ class Sight:
     @property
     def depth_view(self) -> ViewDepth:
         """The depth as it came, to be sent on."""
-        return ViewDepth(heading_deg=self.heading_deg, depth=self._depth)
+        return ViewDepth(camera=self.view.camera, depth=self._depth)
 
     @cached_property
     def jpeg(self) -> bytes:
@@ -74,7 +68,11 @@ class Sight:
 
     @property
     def name(self) -> str:
-        return "view" if self.heading_deg == 0 else f"view{self.heading_deg:+d}"
+        """Of its picture in the record: by where it looks, degrees right of the nose and up or down."""
+        heading, pitch = round(self.camera.heading_deg), round(self.camera.pitch_deg)
+        if pitch:
+            return f"view{heading:+d}{'up' if pitch > 0 else 'down'}{abs(pitch)}"
+        return "view" if heading == 0 else f"view{heading:+d}"
 
 
 @dataclass(frozen=True)
@@ -92,16 +90,21 @@ class Look:
     def all(self) -> tuple[Sight, ...]:
         return tuple(self.sights.values())
 
-    def towards(self, heading_deg: float) -> Sight | None:
-        """The view with that heading, degrees to the right of the nose; null where there is none."""
-        return next((s for s in self.sights.values() if s.camera.heading_deg == heading_deg), None)
+    @property
+    def across(self) -> tuple[Sight, ...]:
+        """The fewest level views that see all round as far as all of them do."""
+        kept = fewest([sight.camera for sight in self.all])
+        return tuple(sight for sight in self.all if sight.camera in kept)
 
     def depth_beside(self, sight: Sight, reach_deg: float = 45.0) -> tuple[ViewDepth, ...]:
-        """The depth of the views whose headings lie within `reach_deg` of that one's, without itself."""
+        """The depth of the views whose headings lie within `reach_deg` of that one's, and of all that look up or down;
+        without itself."""
+        heading = sight.camera.heading_deg
         return tuple(
             other.depth_view
             for other in self.sights.values()
-            if 0.0 < abs(other.camera.heading_deg - sight.camera.heading_deg) <= reach_deg
+            if other is not sight
+            and (not other.camera.is_level or abs(other.camera.heading_deg - heading) <= reach_deg)
         )
 
     @property

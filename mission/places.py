@@ -3,6 +3,7 @@
 import math
 
 from contracts.geometry import Point3, Pose
+from navigation.camera import Camera
 
 
 def spoken(place: Pose | Point3) -> str:
@@ -11,7 +12,15 @@ def spoken(place: Pose | Point3) -> str:
 
 def towards(heading_deg: float) -> str:
     """A heading, for a person."""
-    return "ahead" if heading_deg == 0 else f"{abs(heading_deg):g}° {'right' if heading_deg > 0 else 'left'}"
+    return "ahead" if abs(heading_deg) < 0.5 else f"{abs(heading_deg):.3g}° {'right' if heading_deg > 0 else 'left'}"
+
+
+def looks_towards(camera: Camera) -> str:
+    """Where a camera looks, for a person."""
+    if camera.is_level:
+        return towards(camera.heading_deg)
+    side = "" if camera.heading_deg == 0 else f", {towards(camera.heading_deg)}"
+    return f"{abs(camera.pitch_deg):g}° {'up' if camera.pitch_deg > 0 else 'down'}{side}"
 
 
 def point_of(pose: Pose) -> Point3:

@@ -25,6 +25,9 @@ Depth = NDArray[np.float32]
 Points = NDArray[np.float32]
 """(N, 3) metres; each function names the frame."""
 
+TOUCHING_DEG = 1e-6
+"""Pictures whose edges lie no farther apart than this leave no gap between them."""
+
 LEVEL_DEG = 1.0
 """A camera whose optical axis is tilted by no more than this counts as level."""
 
@@ -143,6 +146,33 @@ def horizon_rows(camera: Camera) -> slice:
 def bearing_deg(camera: Camera, x_px: float) -> float:
     """Bearing of image position `x_px` from the optical axis, positive to the right."""
     return math.degrees(math.atan((x_px - camera.cx_px) / camera.fx_px))
+
+
+def fewest(cameras: Sequence[Camera]) -> list[Camera]:
+    """The fewest level cameras that together see every bearing that all level ones see, in the order given."""
+    left = sorted((c for c in cameras if c.is_level), key=lambda c: (c.left_deg, -c.right_deg))
+    kept: list[Camera] = []
+    seen_to = -math.inf
+    while left:
+        joined = [c for c in left if c.left_deg <= seen_to + TOUCHING_DEG] or left[:1]
+        best = max(joined, key=lambda c: c.right_deg)
+        kept.append(best)
+        seen_to = best.right_deg
+        left = [c for c in left if c.right_deg > seen_to]
+    return [camera for camera in cameras if camera in kept]
+
+
+def seen_aside_deg(cameras: Sequence[Camera]) -> float:
+    """How far to either side of the nose the level cameras see without a gap; 0 where none looks ahead."""
+    reach = []
+    for side in (-1, 1):
+        seen_to = 0.0
+        edges = [sorted((side * c.left_deg, side * c.right_deg)) for c in cameras if c.is_level]
+        for low, high in sorted(edges):
+            if low <= seen_to + TOUCHING_DEG:
+                seen_to = max(seen_to, high)
+        reach.append(seen_to)
+    return min(reach)
 
 
 def planar_to_distance_m(depth_m: float, from_axis_deg: float) -> float:

@@ -5,11 +5,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Pose
+from contracts.geometry import Pose
 from contracts.scene_layout import facades, floor_outline, wall_height_m
 from evaluation.scene_generator.footprints import distance_to_outline
 from training.streets import Street
 
+HEADINGS_DEG = (-90.0, -45.0, 0.0, 45.0, 90.0)
 NEAREST_M = 2.4
 _OFF_M = (3.0, 13.0)
 _SQUARE_M = (7.5, 10.5)
@@ -20,7 +21,7 @@ class Look(NamedTuple):
     """One picture: from where, and towards which heading. `frontal`: squarely at a wall, as when floors are counted."""
 
     pose: Pose
-    heading_deg: Heading
+    heading_deg: float
     frontal: bool
 
 
@@ -52,20 +53,20 @@ def _stop(street: Street, wall_number: int, rng: np.random.Generator) -> Pose | 
     return None
 
 
-def _headings(street: Street, pose: Pose, rng: np.random.Generator) -> list[Heading]:
+def _headings(street: Street, pose: Pose, rng: np.random.Generator) -> list[float]:
     """The headings that look most squarely at the nearest wall, and now and then one that looks away."""
     target = street.scene.building(street.scene.target)
     best = min(facades(target), key=lambda f: abs(_off(f.start, f.normal, pose)) + 3 * _beside(f, pose))
     facing = math.atan2(-best.normal[1], -best.normal[0])
 
-    def aside(heading: Heading) -> float:
+    def aside(heading: float) -> float:
         turn = pose.yaw - math.radians(heading) - facing
         return abs(math.atan2(math.sin(turn), math.cos(turn)))
 
-    toward = [h for h in sorted(VIEW_HEADINGS_DEG, key=aside) if aside(h) < math.radians(72)]
+    toward = [h for h in sorted(HEADINGS_DEG, key=aside) if aside(h) < math.radians(72)]
     chosen = toward[:2] if street.crowded else toward[:1]
     if rng.random() < (0.15 if street.crowded else 0.6):
-        rest = [h for h in VIEW_HEADINGS_DEG if h not in chosen]
+        rest = [h for h in HEADINGS_DEG if h not in chosen]
         chosen = [*chosen, rest[int(rng.integers(len(rest)))]]
     return chosen
 

@@ -7,6 +7,7 @@ from typing import TypeVar
 import pybase64
 
 from contracts.base import Name, Unit, Wire
+from contracts.cameras import default_rig
 from contracts.geometry import Box
 from contracts.images import JpegImage
 from contracts.sim import Catalogue
@@ -24,6 +25,8 @@ from evaluation.model_evaluation.questions import Role, questions
 from mission.ports import ModelUnreachable, Vision
 
 A = TypeVar("A", bound=Answer)
+
+FRONT = default_rig().camera("front")
 
 
 class Sought(Wire):
@@ -93,8 +96,8 @@ class Asker:
 
     async def _look(self, case: Case, number: int, look: Look) -> list[Sought]:
         views = tuple(
-            View(heading_deg=heading, image=self._picture(name))
-            for heading, name in zip(look.headings, look.pictures, strict=True)
+            View(camera=camera, image=self._picture(name))
+            for camera, name in zip(look.cameras, look.pictures, strict=True)
         )
         sought = []
         for place, asked in enumerate(questions(case, number, self._catalogue)):
@@ -123,8 +126,12 @@ class Asker:
 
     async def _front(self, case: Case, number: int, front: Front) -> Counted:
         image = self._picture(front.picture)
-        count = await self._answer(self._vision.floor_count(FloorCountQuestion(model=self._alias, image=image)))
-        building = await self._answer(self._vision.building_box(BuildingBoxQuestion(model=self._alias, image=image)))
+        count = await self._answer(
+            self._vision.floor_count(FloorCountQuestion(model=self._alias, image=image, camera=FRONT))
+        )
+        building = await self._answer(
+            self._vision.building_box(BuildingBoxQuestion(model=self._alias, image=image, camera=FRONT))
+        )
         return Counted(
             seed=case.seed,
             front=number,

@@ -10,7 +10,8 @@ from typing import Literal, NamedTuple
 from pydantic import ValidationError
 
 from contracts.base import Metres, Name, Wire
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Pose
+from contracts.cameras import Camera
+from contracts.geometry import Pose
 from contracts.scene import BuildingKind, Scene, WindowPlace
 from contracts.sim import Catalogue, TruthView
 from evaluation.scene_generator.random_specs import random_spec
@@ -29,11 +30,11 @@ SIZE = 800
 
 
 class Look(Wire):
-    """Five views of one moment. `pictures` and `truth` in the order of `headings`."""
+    """All views of one moment. `pictures` and `truth` in the order of `cameras`."""
 
     where: Literal["lap", "far", "near"]
     pose: Pose
-    headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG
+    cameras: tuple[Camera, ...]
     pictures: tuple[str, ...]
     truth: tuple[TruthView, ...]
 

@@ -49,9 +49,7 @@ class Judged(NamedTuple):
         """The match's middle lies in the box of such a thing, grown by a quarter on each side, in its view."""
         wanted = Thing(self.asked.kind or "", self.asked.colour or "")
         return any(
-            view.heading_deg == match.heading_deg
-            and Thing(thing.kind, thing.colour) == wanted
-            and meets(match.box, thing.box)
+            view.camera == match.camera and Thing(thing.kind, thing.colour) == wanted and meets(match.box, thing.box)
             for view in self.look.truth
             for thing in view.objects
         )

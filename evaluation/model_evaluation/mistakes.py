@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from contracts.geometry import Heading
 from contracts.sim import VisibleObject
 from evaluation.model_evaluation.asking import Answers
 from evaluation.model_evaluation.cases import Case, Look
@@ -46,23 +45,23 @@ def _one_a_street(held: Sequence[Judged]) -> list[Judged]:
 
 def _wrong(j: Judged, folder: Path) -> Tile:
     claim = j.claims[0]
-    wanted = next((t for t in _in_view(j.look, claim.heading_deg) if (t.kind, t.colour) == _asked(j)), None)
+    wanted = next((t for t in _in_view(j.look, claim.camera) if (t.kind, t.colour) == _asked(j)), None)
     note = f"claimed with {claim.confidence:.2f}: {_claimed(j)}"
     return Tile(
-        folder / _picture(j.look, claim.heading_deg), claim.box, wanted.box if wanted else None, j.asked.phrase, note
+        folder / _picture(j.look, claim.camera), claim.box, wanted.box if wanted else None, j.asked.phrase, note
     )
 
 
 def _missed(j: Judged, folder: Path) -> Tile:
     thing = j.best
     assert thing is not None
-    heading = next(v.heading_deg for v in j.look.truth if any(t is thing for t in v.objects))
-    near = [m.confidence for m in j.asked.matches if m.heading_deg == heading and meets(m.box, thing.box)]
+    camera = next(v.camera for v in j.look.truth if any(t is thing for t in v.objects))
+    near = [m.confidence for m in j.asked.matches if m.camera == camera and meets(m.box, thing.box)]
     seen = f"seen with {max(near):.2f} only" if near else "not seen at all"
     if j.asked.outcome == "refused":
         seen = "said to be unknown"
     note = f"{seen}; {thing.distance_m:.1f} m, {thing.pixels} px, {100 * thing.share:.0f} % visible"
-    return Tile(folder / _picture(j.look, heading), None, thing.box, j.asked.phrase, note)
+    return Tile(folder / _picture(j.look, camera), None, thing.box, j.asked.phrase, note)
 
 
 def _miscounted(cases: Mapping[int, Case], answers: Answers, folder: Path) -> list[Tile]:
@@ -83,7 +82,7 @@ def _miscounted(cases: Mapping[int, Case], answers: Answers, folder: Path) -> li
 def _claimed(j: Judged) -> str:
     """What is really there where the surest claim is."""
     claim = j.claims[0]
-    there = [t for t in _in_view(j.look, claim.heading_deg) if meets(claim.box, t.box)]
+    there = [t for t in _in_view(j.look, claim.camera) if meets(claim.box, t.box)]
     if not there:
         return "no thing at all"
     best = max(there, key=lambda t: t.pixels)
@@ -94,9 +93,9 @@ def _asked(j: Judged) -> tuple[str | None, str | None]:
     return j.asked.kind, j.asked.colour
 
 
-def _in_view(look: Look, heading: Heading) -> tuple[VisibleObject, ...]:
-    return next((view.objects for view in look.truth if view.heading_deg == heading), ())
+def _in_view(look: Look, camera: str) -> tuple[VisibleObject, ...]:
+    return next((view.objects for view in look.truth if view.camera == camera), ())
 
 
-def _picture(look: Look, heading: Heading) -> str:
-    return look.pictures[look.headings.index(heading)]
+def _picture(look: Look, camera: str) -> str:
+    return next(picture for c, picture in zip(look.cameras, look.pictures, strict=True) if c.name == camera)

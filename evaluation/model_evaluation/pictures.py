@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Pose
+from contracts.geometry import Pose
 from contracts.images import DepthMap, decode_depth, jpeg_bytes
 from contracts.scene_layout import wall_height_m
 from contracts.sim import Catalogue
@@ -34,6 +34,7 @@ from navigation.camera import DepthView, pinhole
 from navigation.floor_localization import VerticalView, band, band_span_m
 
 NEAR_M, FAR_M = (3.5, 10.0), (10.0, 20.0)
+FRONT = "front"
 FRONT_VIEW = VerticalView(1.0, 1.0)
 """Of paper-five's front camera: 90 degrees down as across."""
 STEP_BACK_M, STEPS_BACK = 12.0, 3
@@ -106,10 +107,15 @@ def _looks(seed: int, shown: Street, stage: Stage, folder: Path, rng: np.random.
         if not stage.go(stop):
             continue
         seen, truth = stage.look(), stage.truth()
-        names = tuple(f"{seed}/{where}{heading:+d}.jpg" for heading in VIEW_HEADINGS_DEG)
+        cameras = tuple(view.camera for view in seen.views)
+        names = tuple(f"{seed}/{where}-{camera.name}.jpg" for camera in cameras)
         for name, view in zip(names, seen.views, strict=True):
             (folder / name).write_bytes(jpeg_bytes(view.image))
-        looks.append(Look.model_validate({"where": where, "pose": seen.pose, "pictures": names, "truth": truth}))
+        looks.append(
+            Look.model_validate(
+                {"where": where, "pose": seen.pose, "cameras": cameras, "pictures": names, "truth": truth}
+            )
+        )
     return looks
 
 
@@ -119,7 +125,7 @@ def _fronts(seed: int, shown: Street, stage: Stage, folder: Path) -> list[Front]
     top_m = wall_height_m(shown.scene.building(shown.scene.target))
     if not stage.go(Stop(start.position.x, start.position.y, start.position.z, start.yaw)):
         return []
-    stand_off = _stand_off(stage.look((0,), depth=True))
+    stand_off = _stand_off(stage.look(FRONT, depth=True))
     if stand_off is None:
         return []
     span = band_span_m(stand_off, FRONT_VIEW)
@@ -143,7 +149,7 @@ def _fronts(seed: int, shown: Street, stage: Stage, folder: Path) -> list[Front]
 
 
 def _front(seed: int, number: int, stand_off: float, stage: Stage, folder: Path) -> Front:
-    seen = stage.look((0,), depth=True)
+    seen = stage.look(FRONT, depth=True)
     pose: Pose = seen.pose
     name = f"{seed}/front{number}.jpg"
     (folder / name).write_bytes(jpeg_bytes(seen.views[0].image))
@@ -155,7 +161,7 @@ def _front(seed: int, number: int, stand_off: float, stage: Stage, folder: Path)
         stand_off_m=stand_off,
         facade_top_m=top,
         picture=name,
-        truth=stage.truth((0,))[0],
+        truth=stage.truth(FRONT)[0],
     )
 
 

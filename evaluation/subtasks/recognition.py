@@ -90,9 +90,9 @@ def shows(look: Look) -> Shows:
 
 def found(look: Look, *, first: bool = False) -> bool:
     """Some match (or the first) has its middle in the goal's box, grown by a quarter on each side, in its view."""
-    boxes = {view.heading_deg: thing.box for view in look.views for thing in view.objects if thing.goal}
+    boxes = {view.camera: thing.box for view in look.views for thing in view.objects if thing.goal}
     matches = list(look.matches or ())[: 1 if first else None]
-    return any(match.heading_deg in boxes and meets(match.box, boxes[match.heading_deg]) for match in matches)
+    return any(match.camera in boxes and meets(match.box, boxes[match.camera]) for match in matches)
 
 
 def decoys(look: Look) -> list[str]:

@@ -9,13 +9,14 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from contracts.base import Name, Wire
+from contracts.cameras import Camera
 from contracts.depth_assist import (
     DirectionPoint,
     SafeDistancesQuestion,
     ViewDepth,
 )
-from contracts.geometry import Heading, PointLabel
-from contracts.images import encode_jpeg
+from contracts.geometry import PointLabel
+from contracts.images import decode_jpeg, encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.orchestrator import MissionSettings, ModelCalls
 from contracts.vehicle import Observation
@@ -35,7 +36,6 @@ from evaluation.subtasks.stage import Stage, staged
 from evaluation.subtasks.stops import Stop, before_goal, before_start, on_lap
 from evaluation.task_set.task import Task
 from mission.annotation import mark_points
-from mission.looks import Sight
 from mission.model_calls import Answered, CallBook
 from mission.places import ahead
 from mission.policies import policy_of
@@ -49,6 +49,8 @@ ROLES: dict[Subtask, Role] = {
     "choice": "choice",
     "parse": "parser",
 }
+
+FRONT = "front"
 
 
 class Plan(NamedTuple):
@@ -147,10 +149,13 @@ class Examiner:
         counts = []
         with self._stage(task) as stage:
             for _ in self._reached(stage, before_start(task, max(1, self._plan.stops // 2), self._rng(task))):
-                seen = stage.look((0,))
-                truth = stage.truth((0,))[0].floors_visible
+                seen = stage.look(FRONT)
+                truth = stage.truth(FRONT)[0].floors_visible
                 question = FloorCountQuestion(
-                    model=self._plan.backend, oracle_episode=stage.episode, image=seen.views[0].image
+                    model=self._plan.backend,
+                    oracle_episode=stage.episode,
+                    image=seen.views[0].image,
+                    camera=seen.views[0].camera,
                 )
                 with contextlib.suppress(ModelUnreachable):
                     answer = await self._ask("floors", self._ports.vision.floor_count(question))
@@ -168,7 +173,7 @@ class Examiner:
                     model=self._plan.backend,
                     oracle_episode=stage.episode,
                     object=task.object,
-                    views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in _sights(seen)),
+                    views=tuple(View(camera=view.camera, image=view.image) for view in seen.views),
                 )
                 with contextlib.suppress(ModelUnreachable):
                     answer = await self._ask("recognition", self._ports.vision.find_object(question))
@@ -192,22 +197,23 @@ class Examiner:
         """Viewpoint and points as a mission finds them; null where there is nothing to choose between."""
         seen = stage.look(depth=True)
         depths = {
-            sight.heading_deg: ViewDepth(heading_deg=sight.heading_deg, depth=sight.view.depth)
-            for sight in _sights(seen)
-            if sight.view.depth is not None
+            view.camera.name: ViewDepth(camera=view.camera, depth=view.depth)
+            for view in seen.views
+            if view.depth is not None
         }
         policy = points_policy(policy_of(self._plan.settings.viewpoint))
         asked = policy.viewpoint_question(list(depths.values()), None, PointsMemory(), 0)
-        heading = (await self._ports.depth.viewpoint(asked)).heading_deg
-        beside = tuple(depth for h, depth in depths.items() if 0 < abs(h - heading) <= 45)
+        chosen = depths[(await self._ports.depth.viewpoint(asked)).camera]
+        heading = chosen.camera.heading_deg
+        beside = tuple(d for d in depths.values() if 0 < abs(d.camera.heading_deg - heading) <= 45)
         safe = await self._ports.depth.safe_distances(
-            SafeDistancesQuestion(view=depths[heading], others=beside, settings=policy.settings.safe_distances)
+            SafeDistancesQuestion(view=chosen, others=beside, settings=policy.settings.safe_distances)
         )
         offered = policy.offered(safe)
         ways = stage.remaining_m(tuple(ahead(seen.pose, p.bearing_deg, p.distance_m) for p in offered))
         if len(offered) < 2 or all(way is None for way in ways):
             return None
-        label = await self._label(task, stage, seen, heading, offered, policy.settings.direction)
+        label = await self._label(task, stage, seen, chosen.camera, offered, policy.settings.direction)
         remaining = {point.label: way for point, way in zip(offered, ways, strict=True)}
         return choice.Choice(remaining, label)
 
@@ -216,17 +222,17 @@ class Examiner:
         task: Task,
         stage: Stage,
         seen: Observation,
-        heading: Heading,
+        camera: Camera,
         offered: list[DirectionPoint],
         direction: str,
     ) -> PointLabel | None:
-        sight = next(sight for sight in _sights(seen) if sight.heading_deg == heading)
+        picture = next(decode_jpeg(view.image) for view in seen.views if view.camera == camera)
         points = marks_of(offered)
         question = ChooseDirectionQuestion(
             model=self._plan.backend,
             oracle_episode=stage.episode,
-            heading_deg=heading,
-            image=encode_jpeg(mark_points(sight.rgb, points)),
+            camera=camera,
+            image=encode_jpeg(mark_points(picture, points)),
             points=points,
             task=search_task(task.object, task.floor, direction),
         )
@@ -255,7 +261,3 @@ class Examiner:
 
     def _rng(self, task: Task) -> np.random.Generator:
         return np.random.default_rng((task.seed, zlib.crc32(b"subtasks")))
-
-
-def _sights(seen: Observation) -> tuple[Sight, ...]:
-    return tuple(Sight(seen.pose, view) for view in seen.views)

@@ -4,8 +4,8 @@ import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from contracts.cameras import default_rig
-from contracts.geometry import VIEW_HEADINGS_DEG, Heading, Point3, Pose
+from contracts.cameras import Camera, default_rig
+from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
 from contracts.scene_layout import wall_height_m
 from contracts.sim import TruthQuestion, TruthView
@@ -21,7 +21,6 @@ class Stage:
 
     def __init__(self, simulator: SimClient, scene: Scene, size: int) -> None:
         self._simulator = simulator
-        self._size = size
         self._top_m = max(wall_height_m(building) for building in scene.buildings) + _ABOVE_M
         self._rig = default_rig().scaled_to(size)
         opened = simulator.open(scene, self._rig)
@@ -37,17 +36,20 @@ class Stage:
         self._pose = self._simulator.move(self.episode, self._moves, Move(path=path, yaw=stop.yaw)).pose
         return reached(stop, self._pose)
 
-    def look(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG, *, depth: bool = False) -> Observation:
-        names = {camera.heading_deg: camera.name for camera in self._rig.cameras}
-        return self._simulator.observe(self.episode, [names[heading] for heading in headings], depth)
+    def look(self, *names: str, depth: bool = False) -> Observation:
+        """With the cameras of these names; all of them without any."""
+        return self._simulator.observe(self.episode, [camera.name for camera in self._cameras(names)], depth)
 
-    def truth(self, headings: tuple[Heading, ...] = VIEW_HEADINGS_DEG) -> tuple[TruthView, ...]:
-        """What the views really show."""
-        return self._simulator.truth(self.episode, TruthQuestion(views=headings, size=self._size)).views
+    def truth(self, *names: str) -> tuple[TruthView, ...]:
+        """What the views of these cameras really show; of all of them without names."""
+        return self._simulator.truth(self.episode, TruthQuestion(cameras=self._cameras(names))).views
+
+    def _cameras(self, names: tuple[str, ...]) -> tuple[Camera, ...]:
+        return tuple(self._rig.camera(name) for name in names) if names else self._rig.cameras
 
     def remaining_m(self, places: tuple[Point3, ...]) -> tuple[float | None, ...]:
         """The shortest way from each place to the goal's window; null where there is none."""
-        question = TruthQuestion(views=(0,), size=64, candidates=places)
+        question = TruthQuestion(candidates=places)
         return self._simulator.truth(self.episode, question).remaining_m
 
 

@@ -4,6 +4,7 @@ import contextlib
 import math
 from typing import NamedTuple
 
+from contracts.cameras import default_rig
 from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
 from contracts.scene_layout import WindowSlot
@@ -75,5 +76,5 @@ def _flown(scene: Scene, slot: WindowSlot, way: ShortestWay, simulator: SimClien
 
 
 def _seen(simulator: SimClient, episode: str) -> bool:
-    (view,) = simulator.truth(episode, TruthQuestion(views=(0,))).views
+    (view,) = simulator.truth(episode, TruthQuestion(cameras=(default_rig().camera("front"),))).views
     return any(o.goal and o.share >= SEEN_SHARE and o.pixels >= SEEN_PIXELS for o in view.objects)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
 from contracts.base import Metres, Wire
+from contracts.cameras import Camera
 from contracts.depth_assist import (
     DirectionPoint,
     SafeDistancesAnswer,
@@ -57,6 +58,7 @@ class Ways(NamedTuple):
     """Where to look for the way on, and how far one may fly there; `marked` is what the choice model is shown."""
 
     view: ViewpointAnswer
+    camera: Camera
     safe: SafeDistancesAnswer
     marked: JpegImage
 
@@ -102,15 +104,14 @@ class PointsPolicy(SearchPolicy[S, PointsMemory], Generic[S]):
             [sight.depth_view for sight in look.all], tools.building_box, memory, tools.seed
         )
         view = await tools.viewpoint(question)
-        sight = look.towards(view.heading_deg)
-        assert sight is not None, "depth_assist answers with one of the views that it was sent"
+        sight = look.sights[view.camera]  # depth_assist answers with one of the views that it was sent
         safe = await tools.safe_distances(
             SafeDistancesQuestion(
                 view=sight.depth_view, others=look.depth_beside(sight), settings=self.settings.safe_distances
             )
         )
         marked = encode_jpeg(mark_points(sight.rgb, marks_of(self.offered(safe))))
-        return PointsPlan(self, look, tools, Ways(view, safe, marked))
+        return PointsPlan(self, look, tools, Ways(view, sight.view.camera, safe, marked))
 
 
 class PointsPlan(Plan):
@@ -142,7 +143,7 @@ class PointsPlan(Plan):
         question = ChooseDirectionQuestion(
             model=self._tools.vision_model,
             oracle_episode=self._tools.oracle_episode,
-            heading_deg=view.heading_deg,
+            camera=self._ways.camera,
             image=self._ways.marked,
             points=marks_of(offered),
             task=search_task(self._tools.object, self._tools.floor, self._settings.direction),
@@ -156,12 +157,13 @@ class PointsPlan(Plan):
         return Chosen(_widest(offered), f"the choice model's answer was {why}", reply)
 
     def _told(self, chosen: Chosen) -> Told:
-        view, safe, marked = self._ways
+        view, _, safe, marked = self._ways
         message = f"view {towards(view.heading_deg)} ({view.reason.replace('_', ' ')}): " + (
             f"point {chosen.point.label}, {chosen.by}" if chosen.point else chosen.by
         )
         data = DirectionData(
             exploration_step=self._tools.exploration_step,
+            camera=view.camera,
             heading_deg=view.heading_deg,
             viewpoint=view,
             points=safe.points,

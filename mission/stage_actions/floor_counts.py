@@ -48,7 +48,10 @@ async def count_floors(step: Step, sight: Sight) -> Count:
     """Asks for the floors in one picture. Raises PortError."""
     step.count_stop()
     question = FloorCountQuestion(
-        model=step.settings.vision_model, oracle_episode=step.state.vehicle, image=sight.view.image
+        model=step.settings.vision_model,
+        oracle_episode=step.state.vehicle,
+        image=sight.view.image,
+        camera=sight.view.camera,
     )
     reply = await step.ask("floors", step.ports.vision.floor_count(question))
     floors, rows = (reply.answer.floors, reply.answer.rows) if isinstance(reply, Answered) else (None, None)

@@ -114,7 +114,10 @@ async def box_building(step: Step) -> LookRound:
     sight = await step.look_ahead()
     step.count_stop()
     question = BuildingBoxQuestion(
-        model=step.settings.vision_model, oracle_episode=step.state.vehicle, image=sight.view.image
+        model=step.settings.vision_model,
+        oracle_episode=step.state.vehicle,
+        image=sight.view.image,
+        camera=sight.view.camera,
     )
     reply = await step.ask("floors", step.ports.vision.building_box(question))
     box = reply.answer.box if isinstance(reply, Answered) else None

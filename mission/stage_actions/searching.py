@@ -11,14 +11,12 @@ from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match, V
 from mission.annotation import mark_box
 from mission.looks import Look, Sight
 from mission.model_calls import Answered
-from mission.places import distance_m, towards
+from mission.places import distance_m, looks_towards
 from mission.policies.base import Plan
 from mission.sighting import Sighting, facade_returns, is_dismissed, locate
 from mission.stages import Seen
 from mission.step import MissionEnd, Step
 from mission.wording import counted
-
-_DRAWN_HEADINGS_DEG = (-90.0, 0.0, 90.0)
 
 
 class Found(NamedTuple):
@@ -45,7 +43,7 @@ async def search(
         model=step.settings.vision_model,
         oracle_episode=step.state.vehicle,
         object=step.state.object or "",
-        views=tuple(View(heading_deg=s.heading_deg, image=s.view.image) for s in look.all),
+        views=tuple(View(camera=s.view.camera, image=s.view.image) for s in look.all),
     )
     reply = await step.ask("recognition", step.ports.vision.find_object(question))
     sightings: list[Sighting] = []
@@ -59,14 +57,14 @@ async def search(
         step.update(silent_looks=step.state.silent_looks + 1)
     best = _best(sightings, near)
     step.write(
-        f"{what}: {_said(reply.answer.outcome, sightings, best, step.state.object or 'object')}",
+        f"{what}: {_said(reply.answer.outcome, sightings, _seen_by(look, best), step.state.object or 'object')}",
         LookData(
             exploration_step=step.state.exploration_steps,
             pose=look.pose,
             object=step.state.object,
             answer=reply.answer,
             sightings=tuple(_recorded(s, s is best) for s in sightings),
-            returns=tuple(facade_returns([s for s in look.all if s.camera.heading_deg in _DRAWN_HEADINGS_DEG])),
+            returns=tuple(facade_returns(look.across)),
             render_s=look.observation.timings_s.get("render", 0.0),
             seconds=round(reply.seconds, 4),
         ),
@@ -80,7 +78,7 @@ async def search(
 
 
 def _found(look: Look, best: Sighting, claim: float) -> Found | None:
-    sight = look.towards(best.match.heading_deg)
+    sight = look.sights.get(best.match.camera)
     if best.place is None or sight is None:
         return None
     confidence = best.match.confidence
@@ -106,7 +104,7 @@ def _judged(step: Step, look: Look, answer: FindObjectAnswer, claim: float) -> l
     worth = min(claim, step.settings.sightings.candidate_confidence) if looks_again(step) else claim
     sightings = []
     for match in answer.matches:
-        sight = look.towards(match.heading_deg)
+        sight = look.sights.get(match.camera)
         if sight is not None and match.confidence >= worth:
             sightings.append(_judge(step, match, sight, claimable=match.confidence >= claim))
     return sightings
@@ -142,11 +140,18 @@ def _best(sightings: list[Sighting], near: Point3 | None) -> Sighting | None:
     return min(kept, key=lambda s: distance_m(s.place, near) if s.place else math.inf)
 
 
-def _said(outcome: str, sightings: list[Sighting], best: Sighting | None, thing: str) -> str:
+def _seen_by(look: Look, best: Sighting | None) -> str | None:
+    """Where the best sighting was seen, in words."""
+    if best is None:
+        return None
+    return f"{looks_towards(look.sights[best.match.camera].camera)}, {best.distance_m:.1f} m away"
+
+
+def _said(outcome: str, sightings: list[Sighting], seen: str | None, thing: str) -> str:
     if outcome != "answered":
         return f"the recognition model's answer was {outcome}"
-    if best is not None:
-        return f"{thing} seen {towards(best.match.heading_deg)}, {best.distance_m:.1f} m away"
+    if seen is not None:
+        return f"{thing} seen {seen}"
     if sightings:
         return f"{counted(len(sightings), 'sighting')} rejected: {sightings[0].rejected}"
     return f"no {thing} in sight"
@@ -164,7 +169,7 @@ def _recorded(sighting: Sighting, accepted: bool) -> JudgedMatch:
 
 def _boxed(look: Look, best: Sighting | None) -> dict[str, bytes]:
     """The view of the sighting, with its box drawn."""
-    sight = look.towards(best.match.heading_deg) if best is not None else None
+    sight = look.sights.get(best.match.camera) if best is not None else None
     if best is None or sight is None:
         return {}
     label = f"{best.match.confidence:.2f}, {best.distance_m:.1f} m" if best.distance_m is not None else ""

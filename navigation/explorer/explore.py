@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView, Points, Pose, nearby_cloud, wrap_radians
+from navigation.camera import DepthView, Points, Pose, nearby_cloud, seen_aside_deg, wrap_radians
 from navigation.explorer import facade, frontier, path
 from navigation.explorer.facade import Seed
 from navigation.explorer.goal import Decision, Goal, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
-from navigation.explorer.scan import Scan, panorama, seen_aside_deg, thinned
+from navigation.explorer.scan import Scan, panorama, thinned
 from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -98,7 +98,9 @@ def explore(
     memory = memory._replace(map=grid, steps=memory.steps + 1, cut=_cut_now(memory, pose))
     reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
     near = nearby_cloud(views, reach, settings.drone_radius_m + settings.clearance_m)
-    decision, memory = _decide(memory, Now(scan, target, near, seen_aside_deg(views)), settings)
+    decision, memory = _decide(
+        memory, Now(scan, target, near, seen_aside_deg([view.camera for view in views])), settings
+    )
     return Step(decision, memory, facade.inspected_share(grid, target), target)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import Camera, DepthView, Pose, column_slopes, horizon_rows, row_slopes
+from navigation.camera import Camera, DepthView, Pose, column_slopes, fewest, horizon_rows, row_slopes
 
 Floats = NDArray[np.float64]
 
@@ -15,7 +15,6 @@ BIN_DEG = 0.5
 REACH_DEG = 135.0
 BINS = round(2 * REACH_DEG / BIN_DEG)
 _FINE_PX = 600
-_TOUCHING_DEG = 1e-6
 _NEAREST_ROW_M = 1.4
 """Rows are read as steeply as they see the band from this depth on; nearer things are the corridor's business."""
 
@@ -59,41 +58,13 @@ def panorama(views: Sequence[DepthView], pose: Pose, band_m: float, body_band_m:
     """
     below = min(body_band_m, max(0.0, pose.z - 0.4))
     ranges, bearings, bodies = np.full(BINS, np.nan), bin_bearings_deg(), np.full(BINS, np.nan)
-    for view in fewest(views):
+    kept = fewest([view.camera for view in views])
+    for view in (view for view in views if view.camera in kept):
         found, at = _ranges(view, min(band_m, below), band_m)
         bearings = np.where((found < ranges) | np.isnan(ranges), at, bearings)
         ranges = np.fmin(ranges, found)
         bodies = np.fmin(bodies, _ranges(view, below, body_band_m)[0])
     return Scan(pose, ranges, bearings, bodies)
-
-
-def fewest(views: Sequence[DepthView]) -> list[DepthView]:
-    """The fewest level views that together see every bearing that all level views see, in the order given."""
-    level = [view for view in views if view.camera.is_level]
-    left = sorted(level, key=lambda view: (view.camera.left_deg, -view.camera.right_deg))
-    kept: list[DepthView] = []
-    seen_to = -math.inf
-    while left:
-        joined = [view for view in left if view.camera.left_deg <= seen_to + _TOUCHING_DEG] or left[:1]
-        best = max(joined, key=lambda view: view.camera.right_deg)
-        if best.camera.right_deg > seen_to:
-            kept.append(best)
-            seen_to = best.camera.right_deg
-        left = [view for view in left if view.camera.right_deg > seen_to]
-    return [view for view in level if any(view is chosen for chosen in kept)]
-
-
-def seen_aside_deg(views: Sequence[DepthView]) -> float:
-    """How far to either side of the nose the level views see without a gap; 0 where none looks ahead."""
-    reach = {}
-    for side in (-1, 1):
-        seen_to = 0.0
-        edges = [(side * v.camera.left_deg, side * v.camera.right_deg) for v in views if v.camera.is_level]
-        for low, high in sorted((min(edge), max(edge)) for edge in edges):
-            if low <= seen_to + _TOUCHING_DEG:
-                seen_to = max(seen_to, high)
-        reach[side] = seen_to
-    return min(reach.values())
 
 
 def thinned(view: DepthView) -> DepthView:

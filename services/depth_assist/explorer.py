@@ -1,28 +1,30 @@
 """The contour explorer over the wire: the map as text, the question in, the answer out."""
 
-import math
-
 import numpy as np
 import pybase64
 import zstandard
 
+from contracts.cameras import Camera as RigCamera
 from contracts.depth_assist import ExploreAnswer, ExploreDrawing, ExploreQuestion, PlanPoint
 from contracts.geometry import Box, Point2
 from contracts.images import BadImage, decode_base64
-from navigation.camera import DepthView, Pose
+from navigation.camera import DepthView, Pose, bearing_deg
 from navigation.explorer import blob, facade
 from navigation.explorer.explore import Memory, NoFacade, Step, explore
 from navigation.explorer.map import CELL_M, SIZE, Bools, Map, middles_of
 from navigation.explorer.settings import Settings
 from service_kit.errors import BadQuestion
+from services.depth_assist.views import camera_of
 
 AHEAD_DEG = 25.0
+_EDGE_DEG = 1.0
+"""A building cut off by both edges of the picture says nothing of where it is."""
 _BORDER_M = 5.0
 _MAX_DRAWN = 2000
 
 
-def next_step(question: ExploreQuestion, views: list[DepthView]) -> ExploreAnswer:
-    """Raises BadQuestion: bad_map, outside_map, no_facade."""
+def next_step(question: ExploreQuestion, views: list[DepthView], front: RigCamera) -> ExploreAnswer:
+    """`front` took the building's box. Raises BadQuestion: bad_map, outside_map, no_facade."""
     memory = None if question.map is None else unpack(question.map)
     pose = Pose(question.pose.x, question.pose.y, question.pose.z, question.pose.yaw)
     if memory is not None and not _inside(memory.map, pose):
@@ -33,7 +35,7 @@ def next_step(question: ExploreQuestion, views: list[DepthView]) -> ExploreAnswe
         )
     settings = Settings(**question.settings.model_dump())
     try:
-        step = explore(memory, views, pose, settings, _bearings(question.building_box))
+        step = explore(memory, views, pose, settings, _bearings(question.building_box, front))
     except NoFacade as error:
         raise BadQuestion(str(error), code="no_facade") from None
     return _answer(step)
@@ -90,12 +92,14 @@ def _points(grid: Map, mask: Bools) -> tuple[PlanPoint, ...]:
     return tuple((round(float(x), 2), round(float(y), 2)) for x, y in places)
 
 
-def _bearings(box: Box | None) -> tuple[float, float]:
+def _bearings(box: Box | None, front: RigCamera) -> tuple[float, float]:
     """Between which bearings the target building lies ahead; a box says it better where it is narrow."""
     if box is None:
         return -AHEAD_DEG, AHEAD_DEG
-    left, right = (math.degrees(math.atan(2.0 * x - 1.0)) for x in (box.x_min, box.x_max))
-    middle = min(max((left + right) / 2, -AHEAD_DEG), AHEAD_DEG) if left > -44.0 or right < 44.0 else 0.0
+    camera = camera_of(front)
+    left, right = (camera.heading_deg + bearing_deg(camera, x * camera.width) for x in (box.x_min, box.x_max))
+    whole = left <= camera.left_deg + _EDGE_DEG and right >= camera.right_deg - _EDGE_DEG
+    middle = 0.0 if whole else min(max((left + right) / 2, -AHEAD_DEG), AHEAD_DEG)
     return max(left, middle - AHEAD_DEG), min(right, middle + AHEAD_DEG)
 
 

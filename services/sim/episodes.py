@@ -14,7 +14,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import NamedTuple, TypeVar
 
-from contracts.cameras import Rig
 from contracts.sim import Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
 from contracts.vehicle import (
     Move,
@@ -24,15 +23,14 @@ from contracts.vehicle import (
     VehicleCapabilities,
     VehicleState,
 )
-from service_kit.errors import BadQuestion, NotFound, TooMany
+from service_kit.errors import NotFound, TooMany
 from services.sim.begun import BegunEpisodes, Left
 from services.sim.episode import LiveEpisode
 from services.sim.flight_loop import FlightLoop
 from services.sim.render.thread import RenderThread
-from services.sim.render.views import check_cameras
 from services.sim.scene_cache import CachedScene, SceneCache
 from services.sim.scenes import SceneBuilder
-from services.sim.senses import Senses
+from services.sim.senses import Senses, check
 
 T = TypeVar("T")
 
@@ -195,7 +193,7 @@ class Episodes:
 
     async def _begin(self, question: EpisodeQuestion) -> str:
         await self.expire()
-        _check(question.rig)
+        check(question.rig.cameras)
         if len(self._live) + self._starting >= self.limits.max_episodes:
             raise TooMany(
                 f"{self.limits.max_episodes} episodes are live, which is all that this simulator keeps; end one with "
@@ -271,11 +269,3 @@ class Episodes:
 
     async def _work(self, job: Callable[..., T], *arguments: object) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._workers, job, *arguments)
-
-
-def _check(rig: Rig) -> None:
-    """Raises BadQuestion for cameras that can't be drawn."""
-    try:
-        check_cameras(rig.cameras)
-    except ValueError as error:
-        raise BadQuestion(f"the rig {rig.name} can't be drawn: {error}", code="bad_rig") from None

@@ -6,14 +6,15 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple, TypeVar
 
-from contracts.cameras import Camera, Rig, default_rig
-from contracts.geometry import Heading, Pose
+from contracts.cameras import Camera, Rig
+from contracts.geometry import Pose
 from contracts.images import encode_depth_units, encode_jpeg
 from contracts.sim import Truth, TruthQuestion
 from contracts.vehicle import Observation, SensedView
 from service_kit.errors import BadQuestion
 from services.sim.episode import LiveEpisode
 from services.sim.render.thread import RenderThread
+from services.sim.render.views import check_cameras
 from services.sim.scene_cache import CachedScene, draw
 from services.sim.truth import Ids, truth_view
 
@@ -70,10 +71,12 @@ class Senses:
         )
 
     async def truth(self, question: TruthQuestion) -> Truth:
-        """Raises Unavailable."""
+        """Raises BadQuestion or Unavailable."""
         uploaded, ready, drone = self._cached.uploaded, self._cached.ready, self._episode.drone
         pose, moves = drone.pose, self._episode.moves
-        cameras = _cameras(question.views, question.size)
+        cameras = question.cameras
+        if cameras:
+            check(cameras)
         known = self._labels
         if known is None or known.pose != pose:
             known = _Labels(pose, {})
@@ -114,6 +117,9 @@ def chosen_cameras(rig: Rig, names: Sequence[str] | None) -> tuple[Camera, ...]:
     return tuple(known[name] for name in names)
 
 
-def _cameras(headings: Sequence[Heading], size: int) -> list[Camera]:
-    by_heading = {camera.heading_deg: camera for camera in default_rig().scaled_to(size).cameras}
-    return [by_heading[heading] for heading in headings]
+def check(cameras: Sequence[Camera]) -> None:
+    """Raises BadQuestion for cameras that can't be drawn."""
+    try:
+        check_cameras(cameras)
+    except ValueError as error:
+        raise BadQuestion(str(error), code="bad_rig") from None

@@ -5,14 +5,13 @@ Everything comes from the renderer's id pixels (which part is seen in each pixel
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from contracts.cameras import Camera
-from contracts.geometry import Box, Heading, Point3, Pose
+from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Building, Scene
 from contracts.scene_layout import floor_outline
 from contracts.sim import TruthView, VisibleObject
@@ -59,7 +58,7 @@ def truth_view(
     target = ids == mesh.part("building", scene.target).id
     rows = floor_rows(scene.building(scene.target), pose, camera, target)
     return TruthView(
-        heading_deg=cast(Heading, int(camera.heading_deg)),
+        camera=camera.name,
         objects=tuple(sorted(objects, key=lambda v: -v.pixels)),
         building_box=_box_of(target),
         floors_visible=len(rows),

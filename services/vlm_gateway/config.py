@@ -84,15 +84,14 @@ NO_NOISE = OracleNoise()
 
 
 class OracleModelConfig(_Limits):
-    """An object counts as seen when at least `min_share` of its outline and `min_pixels` pixels of a picture of
-    `size` x `size` show it, no farther away than `max_distance_m`."""
+    """An object counts as seen when at least `min_share` of its outline and `min_pixels` pixels of a picture
+    with a focal length of about 400 pixels show it, no farther away than `max_distance_m`."""
 
     backend: Literal["oracle"]
     timeout_s: float = Field(default=30.0, ge=0.05, le=3600.0)
     min_share: float = Field(default=0.4, ge=0.0, le=1.0)
     min_pixels: int = Field(default=80, ge=1, le=1_000_000)
     max_distance_m: float = Field(default=25.0, gt=0.0, le=1000.0)
-    size: int = Field(default=800, ge=64, le=1600)
     noise: OracleNoise = NO_NOISE
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Awaitable, Callable
 from typing import Any, NamedTuple
 
+from contracts.cameras import Camera
 from contracts.vlm_gateway import (
     Answer,
     BuildingBoxAnswer,
@@ -54,23 +55,26 @@ class Kind(NamedTuple):
 
 def _floors(question: FloorCountQuestion) -> Prepared:
     picture = picture_of(question.image)
-    ask = FloorsAsk(picture, question.oracle_episode)
-    return Prepared({}, (picture,), lambda backend: backend.count_floors(ask))
+    ask = FloorsAsk(picture, question.camera, question.oracle_episode)
+    return Prepared(_taken_by(question.camera), (picture,), lambda backend: backend.count_floors(ask))
 
 
 def _building(question: BuildingBoxQuestion) -> Prepared:
     picture = picture_of(question.image)
-    ask = BuildingAsk(picture, question.oracle_episode)
-    return Prepared({}, (picture,), lambda backend: backend.find_building(ask))
+    ask = BuildingAsk(picture, question.camera, question.oracle_episode)
+    return Prepared(_taken_by(question.camera), (picture,), lambda backend: backend.find_building(ask))
 
 
 def _object(question: FindObjectQuestion) -> Prepared:
-    headings = [view.heading_deg for view in question.views]
-    if len(set(headings)) != len(headings):
-        raise BadQuestion("views: each heading may be given once")
-    views = tuple(AskedView(view.heading_deg, picture_of(view.image)) for view in question.views)
+    names = [view.camera.name for view in question.views]
+    if len(set(names)) != len(names):
+        raise BadQuestion(f"views: each camera's name may be given once, not {', '.join(names)}")
+    views = tuple(AskedView(view.camera, picture_of(view.image)) for view in question.views)
     ask = ObjectAsk(question.object, views, question.oracle_episode)
-    words: dict[str, object] = {"object": question.object, "headings": headings}
+    words: dict[str, object] = {
+        "object": question.object,
+        "cameras": [view.camera.model_dump() for view in question.views],
+    }
     return Prepared(words, tuple(view.picture for view in views), lambda backend: backend.find_object(ask))
 
 
@@ -79,13 +83,17 @@ def _direction(question: ChooseDirectionQuestion) -> Prepared:
     if len(set(labels)) != len(labels):
         raise BadQuestion("points: each label may be given once")
     picture = picture_of(question.image)
-    ask = DirectionAsk(question.heading_deg, picture, question.points, question.task, question.oracle_episode)
+    ask = DirectionAsk(question.camera, picture, question.points, question.task, question.oracle_episode)
     words: dict[str, object] = {
-        "heading_deg": question.heading_deg,
+        "camera": question.camera.model_dump(),
         "points": [point.model_dump() for point in question.points],
         "task": question.task,
     }
     return Prepared(words, (picture,), lambda backend: backend.choose_direction(ask))
+
+
+def _taken_by(camera: Camera | None) -> dict[str, object]:
+    return {"camera": None if camera is None else camera.model_dump()}
 
 
 def _floors_fields(content: Floors | None) -> dict[str, object]:

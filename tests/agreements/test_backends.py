@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Box
+from contracts.cameras import default_rig
+from contracts.geometry import Box
 from contracts.vlm_gateway import MarkedPoint
 from service_kit.client import ServiceClient
 from services.vlm_gateway.backends.base import (
@@ -28,6 +29,7 @@ from services.vlm_gateway.backends.oracle import OracleBackend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.embedded.model import EmbeddedModel
+from tests.cameras import square
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import chat_backend
 from tests.services.vlm_gateway.openai_mock import Behaviour, OpenAiMock, says
@@ -50,18 +52,18 @@ def facade() -> Picture:
 
 
 PICTURE = facade()
-FLOORS = FloorsAsk(PICTURE, "e1")
-BUILDING = BuildingAsk(PICTURE, "e1")
-OBJECT = ObjectAsk("green plate", tuple(AskedView(h, PICTURE) for h in VIEW_HEADINGS_DEG), "e1")
+FLOORS = FloorsAsk(PICTURE, square(size=400), "e1")
+BUILDING = BuildingAsk(PICTURE, square(size=400), "e1")
+OBJECT = ObjectAsk("green plate", tuple(AskedView(camera, PICTURE) for camera in default_rig().cameras), "e1")
 LABELS = ("a", "b", "c")
 POINTS = tuple(
     MarkedPoint(label=label, x=x, y=0.5, distance_m=3.0) for label, x in zip(LABELS, (0.2, 0.5, 0.8), strict=True)
 )
-DIRECTION = DirectionAsk(90, PICTURE, POINTS, "find the green flower pot", "e1")
+DIRECTION = DirectionAsk(square(90), PICTURE, POINTS, "find the green flower pot", "e1")
 
 
 def script() -> Script:
-    matches = [{"heading_deg": 90, "box": BOX, "confidence": 0.9}, {"heading_deg": 0, "box": BOX, "confidence": 0.2}]
+    matches = [{"camera": "right", "box": BOX, "confidence": 0.9}, {"camera": "front", "box": BOX, "confidence": 0.2}]
     return Script.model_validate(
         {
             "floor-count": [{"floors": 3}],
@@ -151,7 +153,7 @@ async def test_a_building_is_a_box_or_none(backend: Backend) -> None:
 async def test_matches_lie_in_asked_views_and_the_most_confident_comes_first(backend: Backend) -> None:
     matches = agreed(await backend.find_object(OBJECT)).matches
     assert len(matches) <= 25
-    assert all(match.heading_deg in VIEW_HEADINGS_DEG for match in matches)
+    assert all(default_rig().camera(match.camera) for match in matches)
     confidences = [match.confidence for match in matches]
     assert confidences == sorted(confidences, reverse=True)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import httpx
 
+from contracts.cameras import default_rig
 from contracts.scene import Scene
 from contracts.sim import Catalogue, Episode, Truth
 from tests.extending.conftest import install
@@ -34,7 +35,8 @@ def test_an_installed_class_is_in_the_catalogue_and_stands_in_scenes(extras: Pat
         assert (entry.category, entry.phrase) == ("toys", "surfboard")
         scene = {"scene": with_surfboard().model_dump(mode="json")}
         episode = Episode.model_validate_json(http.post("/v1/episodes", json=scene).content)
-        told = Truth.model_validate_json(http.post(f"/v1/episodes/{episode.id}/truth", json={"size": 400}).content)
+        question = {"cameras": [camera.model_dump() for camera in default_rig().cameras]}
+        told = Truth.model_validate_json(http.post(f"/v1/episodes/{episode.id}/truth", json=question).content)
         seen = [thing for view in told.views for thing in view.objects]
         assert {(thing.kind, thing.colour, thing.goal) for thing in seen} == {("surfboard", "orange", True)}
         assert max(thing.pixels for thing in seen) > 200

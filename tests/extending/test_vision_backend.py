@@ -7,6 +7,7 @@ import httpx
 import numpy as np
 import pybase64
 
+from tests.cameras import camera_json
 from tests.load.processes import service
 from tests.services.vlm_gateway.kit import find_body, floors_body, post
 
@@ -19,7 +20,10 @@ def view(heading_deg: int, patch: tuple[int, int, int, int] | None) -> dict[str,
         bgr[top:bottom, left:right] = (40, 200, 40)
     ok, jpeg = cv2.imencode(".jpg", bgr)
     assert ok
-    return {"heading_deg": heading_deg, "image": {"jpeg_base64": pybase64.b64encode(jpeg.tobytes()).decode()}}
+    return {
+        "camera": camera_json(heading_deg, 400),
+        "image": {"jpeg_base64": pybase64.b64encode(jpeg.tobytes()).decode()},
+    }
 
 
 def settings(extras: Path, tmp_path: Path, config: str = "") -> dict[str, str]:
@@ -41,7 +45,7 @@ def test_an_installed_back_end_answers_under_its_own_name_without_any_configurat
         answer = post(gateway.url, "/v1/find-object", body).json()
         assert (answer["backend"], answer["model"], answer["found"]) == ("colour", "colour-1", True)
         (match,) = answer["matches"]
-        assert match["heading_deg"] == 90
+        assert match["camera"] == "right"
         assert abs(match["box"]["x_min"] - 0.25) < 0.01
         assert post(gateway.url, "/v1/find-object", body).json()["cache"] == "hit"
         known = post(gateway.url, "/v1/preflight", {"model": "colour", "object": "saxophone"}).json()

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import default_rig
 from contracts.depth_assist import (
     ApproachQuestion,
     ExploreQuestion,
@@ -27,7 +28,7 @@ from contracts.depth_assist import (
     ViewDepth,
     ViewpointQuestion,
 )
-from contracts.geometry import VIEW_HEADINGS_DEG, Box, Pose
+from contracts.geometry import Box, Pose
 from contracts.images import encode_depth
 
 Array = NDArray[np.float64]
@@ -66,10 +67,12 @@ def questions(size: int, noise_m: float) -> dict[str, bytes]:
     """Route to body."""
     generator = np.random.default_rng(1)
     views = {
-        heading: ViewDepth(heading_deg=heading, depth=encode_depth(street_depth(heading, size, noise_m, generator)))
-        for heading in VIEW_HEADINGS_DEG
+        camera.name: ViewDepth(
+            camera=camera, depth=encode_depth(street_depth(camera.heading_deg, size, noise_m, generator))
+        )
+        for camera in default_rig().scaled_to(size).cameras
     }
-    front, sides = views[0], (views[-45], views[45])
+    front, sides = views["front"], (views["front-left"], views["front-right"])
     box = Box(x_min=0.1, y_min=0.1, x_max=0.95, y_max=0.9)
     seen = Box(x_min=0.60, y_min=0.48, x_max=0.63, y_max=0.52)
     pose = Pose(x=0.0, y=0.0, z=FLIGHT_HEIGHT_M, yaw=0.0)

@@ -28,7 +28,7 @@ from aiohttp import web
 from rich.console import Console
 from rich.table import Table
 
-from contracts.geometry import VIEW_HEADINGS_DEG
+from contracts.cameras import default_rig
 from contracts.images import JpegImage, encode_jpeg
 from contracts.vlm_gateway import FindObjectQuestion, FloorCountQuestion, View
 from tests.load.processes import Running, free_port, service
@@ -161,7 +161,9 @@ def redis_server(folder: str) -> Iterator[str]:
 
 def run(seconds: float) -> list[Row]:
     one = [FloorCountQuestion(image=picture(640, 8, n)).model_dump_json().encode() for n in range(DIFFERENT)]
-    views = tuple(View(heading_deg=h, image=picture(640, 8, i)) for i, h in enumerate(VIEW_HEADINGS_DEG))
+    views = tuple(
+        View(camera=camera, image=picture(640, 8, i)) for i, camera in enumerate(default_rig().scaled_to(640).cameras)
+    )
     five = [
         FindObjectQuestion(object=f"green flower pot {n}", views=views).model_dump_json().encode()
         for n in range(DIFFERENT)

@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import aiohttp
 from pydantic import BaseModel
@@ -23,12 +23,12 @@ from rich.progress import Progress
 from rich.table import Table
 
 from contracts.depth_assist import ApproachQuestion, SafeDistancesQuestion, ViewDepth, ViewpointQuestion
-from contracts.geometry import POINT_LABELS, Box, Heading
+from contracts.geometry import POINT_LABELS, Box
 from contracts.images import JpegImage, jpeg_bytes
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import Sample
 from contracts.sim import Episode, EpisodeQuestion
-from contracts.vehicle import Move, Observation, SensedView
+from contracts.vehicle import Move, Observation
 from contracts.vlm_gateway import (
     BuildingBoxQuestion,
     ChooseDirectionQuestion,
@@ -88,16 +88,12 @@ async def first_observation(session: aiohttp.ClientSession, sim: str, sample: Sa
         return episode.id, Observation.model_validate_json(await answer.read())
 
 
-def heading_of(view: SensedView) -> Heading:
-    return cast(Heading, int(view.camera.heading_deg))
-
-
 def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation) -> list[Route]:
     """Every route with the payload that a delivery sends."""
-    depths = tuple(ViewDepth(heading_deg=heading_of(v), depth=v.depth) for v in seen.views if v.depth is not None)
+    depths = tuple(ViewDepth(camera=v.camera, depth=v.depth) for v in seen.views if v.depth is not None)
     front = next(v for v in seen.views if v.camera.name == "front")
-    front_depth = next(d for d in depths if d.heading_deg == 0)
-    views = tuple(View(heading_deg=heading_of(v), image=v.image) for v in seen.views)
+    front_depth = next(d for d in depths if d.camera.name == "front")
+    views = tuple(View(camera=v.camera, image=v.image) for v in seen.views)
     marks = tuple(
         MarkedPoint(label=label, x=(k + 1) / 6, y=0.5, distance_m=6.0) for k, label in enumerate(POINT_LABELS)
     )
@@ -105,7 +101,7 @@ def routes(urls: dict[str, str], sample: Sample, episode: str, seen: Observation
     box = Box(x_min=0.45, y_min=0.45, x_max=0.55, y_max=0.55)
     half_turns = [Move(yaw=sample.scene.start.yaw + turn).model_dump_json().encode() for turn in (0.3, 0.0)]
     task = "find the window with the green flower pot"
-    choose = ChooseDirectionQuestion(heading_deg=90, image=front.image, points=marks, task=task)
+    choose = ChooseDirectionQuestion(camera=front.camera, image=front.image, points=marks, task=task)
     return [
         Route("llm_parser POST /v1/parse", post(f"{parser}/v1/parse", ParseQuestion(request=sample.request))),
         Route("depth_assist POST /v1/viewpoint", post(f"{depth}/v1/viewpoint", ViewpointQuestion(views=depths))),
@@ -160,7 +156,7 @@ def remarked(view: View, number: int) -> View:
     mark = b"\xff\xfe" + (len(comment) + 2).to_bytes(2, "big") + comment
     file = jpeg_bytes(view.image)
     image = JpegImage(jpeg_base64=base64.b64encode(file[:2] + mark + file[2:]).decode())
-    return View(heading_deg=view.heading_deg, image=image)
+    return View(camera=view.camera, image=image)
 
 
 async def measure(session: aiohttp.ClientSession, route: Route, seconds: float, report: Callable[[], None]) -> Measured:

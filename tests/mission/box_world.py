@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from contracts.cameras import default_rig
+from contracts.cameras import Camera, default_rig
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -23,7 +23,7 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import Box, Heading, Pose
+from contracts.geometry import Box, Pose
 from contracts.images import encode_depth, encode_jpeg
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.scene import Scene
@@ -93,13 +93,16 @@ class BlockWorld:
         await asyncio.sleep(self.slow_s)
         self.observations += 1
         pose = self._episode(episode).pose
-        grey = encode_jpeg(np.full((SIZE, SIZE, 3), 128, np.uint8))
         return Observation(
             vehicle=episode,
             number=self.observations,
             pose=pose,
             views=tuple(
-                SensedView(camera=c, image=grey, depth=encode_depth(self.block.depth_m(pose, c)))
+                SensedView(
+                    camera=c,
+                    image=encode_jpeg(np.full((c.height, c.width, 3), 128, np.uint8)),
+                    depth=encode_depth(self.block.depth_m(pose, c)),
+                )
                 for c in (RIG.camera(name) for name in cameras)
             ),
         )
@@ -170,15 +173,17 @@ class BlockWorld:
     def pose(self, episode: str) -> Pose:
         return self._episode(episode).pose
 
-    def sees(self, pose: Pose, heading: Heading, thing: tuple[float, float, float] | None = None) -> Box | None:
-        """The box (0.8 m each way) of a thing, the block's unless told, in one view; null where it is out of the
+    def sees(self, pose: Pose, camera: Camera, thing: tuple[float, float, float] | None = None) -> Box | None:
+        """The box (0.8 m each way) of a thing, the block's unless told, in a level view; null where it is out of the
         picture or behind a block."""
-        forward, right = axes(pose, heading)
+        forward, right = axes(pose, camera.heading_deg)
         gap = np.subtract(thing or self.block.thing, (pose.x, pose.y, pose.z))
         ahead, aside = float(gap @ forward), float(gap @ right)
         if ahead < 0.3 or math.hypot(*gap) > 16.0:
             return None
-        x, y, half = 0.5 + aside / ahead / 2, 0.5 - float(gap[2]) / ahead / 2, 0.4 / ahead / 2
+        x = (camera.cx_px + camera.fx_px * aside / ahead) / camera.width
+        y = (camera.cy_px - camera.fy_px * float(gap[2]) / ahead) / camera.height
+        half = 0.4 / ahead * camera.fx_px / camera.width
         hidden = float(self.block.cast((pose.x, pose.y, pose.z), gap[None])[0]) < 0.999
         if hidden or not (half < x < 1 - half and half < y < 1 - half):
             return None
@@ -219,8 +224,8 @@ class BlockVision:
 
     async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
         pose = self._pose("find_object", question.oracle_episode)
-        boxes = {v.heading_deg: self.world.sees(pose, v.heading_deg) for v in question.views}
-        matches = tuple(Match(heading_deg=h, box=b, confidence=0.9) for h, b in boxes.items() if b)
+        boxes = {v.camera.name: self.world.sees(pose, v.camera) for v in question.views}
+        matches = tuple(Match(camera=name, box=b, confidence=0.9) for name, b in boxes.items() if b)
         return self._said(
             "find_object", FindObjectAnswer(role="recognition", found=bool(matches), matches=matches, **WHO)
         )

@@ -102,8 +102,8 @@ class TwinVision(BlockVision):
         answer = await super().find_object(question)
         pose, block = self.world.pose(question.oracle_episode or ""), self.world.block
         assert block.neighbour is not None
-        twins = {v.heading_deg: self.world.sees(pose, v.heading_deg, block.neighbour.thing) for v in question.views}
-        matches = tuple(Match(heading_deg=h, box=b, confidence=0.95) for h, b in twins.items() if b) + answer.matches
+        twins = {v.camera.name: self.world.sees(pose, v.camera, block.neighbour.thing) for v in question.views}
+        matches = tuple(Match(camera=name, box=b, confidence=0.95) for name, b in twins.items() if b) + answer.matches
         return FindObjectAnswer(role="recognition", found=bool(matches), matches=matches, **WHO)
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from contracts.cameras import Camera
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion
-from contracts.geometry import Heading, Point3, Pose
+from contracts.geometry import Point3, Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings, SearchSettings, SightingSettings
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from mission.mission import Mission
@@ -39,7 +40,7 @@ class DoubtfulVision(BlockVision):
         pose = self._pose("find_object", question.oracle_episode)
         matches = []
         for place, confidences in ((self.world.block.thing, self.thing), (IMPOSTOR, self.impostor)):
-            matches += [m for v in question.views if (m := self._match(pose, v.heading_deg, place, confidences))]
+            matches += [m for v in question.views if (m := self._match(pose, v.camera, place, confidences))]
             if place == IMPOSTOR and any(m.confidence for m in matches if confidences):
                 self.seen_from.append(pose)
         best_first = tuple(sorted(matches, key=lambda m: -m.confidence))
@@ -47,13 +48,13 @@ class DoubtfulVision(BlockVision):
         return FindObjectAnswer(role="recognition", found=found, matches=best_first, claim_confidence=CLAIM, **WHO)
 
     def _match(
-        self, pose: Pose, heading: Heading, place: tuple[float, float, float], confidences: dict[float, float]
+        self, pose: Pose, camera: Camera, place: tuple[float, float, float], confidences: dict[float, float]
     ) -> Match | None:
         block = self.world.block
         away = math.dist(place, (pose.x, pose.y, pose.z))
         confidence = next((c for within, c in sorted(confidences.items()) if away <= within), 0.0)
-        box = BlockWorld(Block(thing=place, floors=block.floors)).sees(pose, heading)
-        return Match(heading_deg=heading, box=box, confidence=confidence) if box and confidence else None
+        box = BlockWorld(Block(thing=place, floors=block.floors)).sees(pose, camera)
+        return Match(camera=camera.name, box=box, confidence=confidence) if box and confidence else None
 
 
 async def fly(

@@ -296,7 +296,7 @@ async def test_a_match_on_another_floor_or_without_depth_is_rejected() -> None:
     world = BlockWorld(Block(thing=(0.0, 500.0, 10.5)))
     low = Box(x_min=0.45, y_min=0.85, x_max=0.55, y_max=0.95)
     sky = Box(x_min=0.45, y_min=0.01, x_max=0.55, y_max=0.05)
-    matches = (Match(heading_deg=0, box=low), Match(heading_deg=-90, box=sky))
+    matches = (Match(camera="front", box=low), Match(camera="left", box=sky))
     said = FindObjectAnswer(role="recognition", found=True, matches=matches, **WHO)
     log = Events()
     result = await fly(world, vision=BlockVision(world, {"find_object": [said]}), log=log, max_exploration_steps=1)
@@ -309,7 +309,7 @@ async def test_a_match_on_another_floor_or_without_depth_is_rejected() -> None:
 async def test_a_sighting_that_does_not_stand_up_is_dismissed_and_the_search_goes_on() -> None:
     world = BlockWorld(BEHIND)
     box = Box(x_min=0.4, y_min=0.45, x_max=0.5, y_max=0.55)
-    phantom = FindObjectAnswer(role="recognition", found=True, matches=(Match(heading_deg=0, box=box),), **WHO)
+    phantom = FindObjectAnswer(role="recognition", found=True, matches=(Match(camera="front", box=box),), **WHO)
     log = Events()
     result = await fly(world, vision=BlockVision(world, {"find_object": [phantom]}), log=log)
     assert log.of("lost")

@@ -74,7 +74,7 @@ class ColourBackend:
             return Reply("refused", text=f"no colour of {', '.join(HUES)} in {ask.phrase!r}")
         found = ((view, self._largest_patch(view.picture, hue)) for view in ask.views)
         # a match belongs to the view that it was found in
-        matches = [Match(heading_deg=view.heading_deg, box=box, confidence=0.9) for view, box in found if box]
+        matches = [Match(camera=view.camera.name, box=box, confidence=0.9) for view, box in found if box]
         return Reply("answered", Sightings(tuple(matches)))
 
     async def choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:

@@ -37,7 +37,7 @@ class WidestWay(SearchPolicy[WidestWaySettings, WidestWayMemory]):
         rule = ViewpointSettings(policy="default", direction=self.settings.direction)
         views = tuple(sight.depth_view for sight in look.all)
         view = await tools.viewpoint(ViewpointQuestion(views=views, settings=rule))
-        sight = look.towards(view.heading_deg) or look.all[0]
+        sight = look.sights[view.camera]
         question = SafeDistancesQuestion(view=sight.depth_view, others=look.depth_beside(sight))
         widest = max((await tools.safe_distances(question)).points, key=lambda point: point.distance_m)
         if widest.distance_m >= self.settings.least_m:

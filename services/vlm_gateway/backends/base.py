@@ -7,7 +7,8 @@
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from contracts.geometry import Box, Heading, PointLabel
+from contracts.cameras import Camera
+from contracts.geometry import Box, PointLabel
 from contracts.vlm_gateway import BackendKind, MarkedPoint, Match, Outcome, Tokens
 
 T = TypeVar("T")
@@ -26,18 +27,24 @@ class Picture(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FloorsAsk:
+    """`camera` is None where the asker does not say what took the picture."""
+
     picture: Picture
+    camera: Camera | None
     episode: str | None
 
 
 @dataclass(frozen=True, slots=True)
 class BuildingAsk:
+    """`camera` is None where the asker does not say what took the picture."""
+
     picture: Picture
+    camera: Camera | None
     episode: str | None
 
 
 class AskedView(NamedTuple):
-    heading_deg: Heading
+    camera: Camera
     picture: Picture
 
 
@@ -52,7 +59,7 @@ class ObjectAsk:
 
 @dataclass(frozen=True, slots=True)
 class DirectionAsk:
-    heading_deg: Heading
+    camera: Camera
     picture: Picture
     points: tuple[MarkedPoint, ...]
     task: str

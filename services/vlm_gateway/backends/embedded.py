@@ -143,8 +143,7 @@ class EmbeddedBackend:
             return Reply("refused", text=str(error))
         best_first = sorted(found.sightings, key=lambda sighting: -sighting.confidence)[:MAX_MATCHES]
         matches = (
-            Match(heading_deg=ask.views[s.view_index].heading_deg, box=s.box, confidence=s.confidence)
-            for s in best_first
+            Match(camera=ask.views[s.view_index].camera.name, box=s.box, confidence=s.confidence) for s in best_first
         )
         return Reply("answered", Sightings(tuple(matches), found.claim))
 

@@ -5,6 +5,7 @@ happened before: two policies that stand in the same scene after as many moves m
 """
 
 import zlib
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -28,9 +29,10 @@ class Count(NamedTuple):
 class Faults:
     """The faults of one question at one stop."""
 
-    def __init__(self, noise: OracleNoise, truth: Truth, role: Role, heading_deg: int = 0) -> None:
+    def __init__(self, noise: OracleNoise, truth: Truth, role: Role, about: str) -> None:
+        """`about`: what tells this question's faults from others of the role: the view's direction, or its name."""
         self._noise = noise
-        key = f"{truth.scene}/{truth.moves}/{role}/{heading_deg}"
+        key = f"{truth.scene}/{truth.moves}/{role}/{about}"
         rng = np.random.default_rng((noise.seed, zlib.crc32(key.encode())))
         # drawn always and in one order, so that one rate does not move the faults of another
         self._refusal, self._miss, self._false, self._count = (float(v) for v in rng.random(4))
@@ -68,14 +70,14 @@ class Faults:
         y_min, y_max = _ordered(box.y_min + off[2] * height, box.y_max + off[3] * height)
         return Box(x_min=x_min, y_min=y_min, x_max=x_max, y_max=y_max)
 
-    def false_match(self, views: tuple[TruthView, ...]) -> Match | None:
+    def false_match(self, views: Sequence[TruthView]) -> Match | None:
         """Something else that is in sight, taken for the object; a piece of wall where nothing else is."""
         others = [(view, thing) for view in views for thing in view.objects if not thing.goal and _shows(thing)]
         low, high = _FALSE_CONFIDENCE
         confidence = float(self._rng.uniform(low, high))
         if others:
             view, thing = others[int(self._rng.integers(len(others)))]
-            return Match(heading_deg=view.heading_deg, box=thing.box, confidence=confidence)
+            return Match(camera=view.camera, box=thing.box, confidence=confidence)
         walls = [(view, view.building_box) for view in views if view.building_box is not None]
         if not walls:
             return None
@@ -85,7 +87,7 @@ class Faults:
         x_min, x_max = _ordered(wall.x_min + u * width, wall.x_min + (u + 0.1) * width)
         y_min, y_max = _ordered(wall.y_min + v * height, wall.y_min + (v + 0.1) * height)
         box = Box(x_min=x_min, y_min=y_min, x_max=x_max, y_max=y_max)
-        return Match(heading_deg=view.heading_deg, box=box, confidence=confidence)
+        return Match(camera=view.camera, box=box, confidence=confidence)
 
 
 def _shows(thing: VisibleObject) -> bool:

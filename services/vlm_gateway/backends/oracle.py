@@ -8,7 +8,8 @@ from typing import TypeVar
 
 from pydantic import BaseModel
 
-from contracts.geometry import Heading, Point3, Pose
+from contracts.cameras import Camera
+from contracts.geometry import Point3, Pose
 from contracts.sim import Truth, TruthQuestion, TruthView
 from contracts.vehicle import VehicleState
 from contracts.vlm_gateway import MarkedPoint, Match
@@ -31,10 +32,10 @@ from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
 
 A = TypeVar("A", bound=BaseModel)
-FOV_DEG = 90.0
-FRONT: Heading = 0
-BUILDING_BOX, WHOLE_LOOK = 1000, 2000
-"""Beside the headings: the faults of a question that is not about one view."""
+WHOLE_COUNT, BUILDING_BOX, WHOLE_LOOK = "0", "1000", "2000"
+"""Beside the views' directions: the faults of a question that is not about one view of a look."""
+FOCAL_PX, MAX_SIDE_PX = 400.0, 1600
+_ABOUT = 0.15
 DECLINED = "declined, as the oracle's noise wants it"
 
 
@@ -57,8 +58,8 @@ class OracleBackend:
         return None
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
-        truth = await self._truth(_named(ask.episode), (FRONT,))
-        faults = Faults(self._config.noise, truth, "floors")
+        truth = await self._truth(_named(ask.episode), (_known(ask.camera),))
+        faults = Faults(self._config.noise, truth, "floors", WHOLE_COUNT)
         if faults.refuses:
             return Reply("refused", text=DECLINED)
         view = truth.views[0]
@@ -66,8 +67,8 @@ class OracleBackend:
         return Reply("answered", Floors(*faults.miscounted(Count(view.floors_visible, rows))))
 
     async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
-        truth = await self._truth(_named(ask.episode), (FRONT,))
-        faults = Faults(self._config.noise, truth, "floors", heading_deg=BUILDING_BOX)
+        truth = await self._truth(_named(ask.episode), (_known(ask.camera),))
+        faults = Faults(self._config.noise, truth, "floors", BUILDING_BOX)
         if faults.refuses:
             return Reply("refused", text=DECLINED)
         box = truth.views[0].building_box
@@ -75,15 +76,15 @@ class OracleBackend:
 
     async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         """The goal object, whatever the phrase: what the customer meant is known here."""
-        headings = tuple(view.heading_deg for view in ask.views)
-        truth = await self._truth(_named(ask.episode), headings)
+        cameras = tuple(view.camera for view in ask.views)
+        truth = await self._truth(_named(ask.episode), cameras)
         noise = self._config.noise
-        look = Faults(noise, truth, "recognition", heading_deg=WHOLE_LOOK)
+        look = Faults(noise, truth, "recognition", WHOLE_LOOK)
         if look.refuses:
             return Reply("refused", text=DECLINED)
         matches = []
-        for view in truth.views:
-            faults = Faults(noise, truth, "recognition", view.heading_deg)
+        for camera, view in zip(cameras, truth.views, strict=True):
+            faults = Faults(noise, truth, "recognition", _direction_of(camera))
             matches += [
                 m.model_copy(update={"box": faults.jittered(m.box)}) for m in self._seen(view) if not faults.misses
             ]
@@ -96,9 +97,9 @@ class OracleBackend:
         """The point from whose safe end the way to the goal is shortest."""
         episode = _named(ask.episode)
         pose = (await self._call("GET", f"/v1/episodes/{episode}", VehicleState)).pose
-        ends = tuple(end_of(point, ask.heading_deg, pose) for point in ask.points)
+        ends = tuple(end_of(point, ask.camera, pose) for point in ask.points)
         truth = await self._truth(episode, (), candidates=ends)
-        if Faults(self._config.noise, truth, "choice", ask.heading_deg).refuses:
+        if Faults(self._config.noise, truth, "choice", _direction_of(ask.camera)).refuses:
             return Reply("refused", text=DECLINED)
         ways = [(way_m, at) for at, way_m in enumerate(truth.remaining_m[: len(ask.points)]) if way_m is not None]
         if not ways:
@@ -113,7 +114,7 @@ class OracleBackend:
 
     def _seen(self, view: TruthView) -> list[Match]:
         return [
-            Match(heading_deg=view.heading_deg, box=thing.box, confidence=min(1.0, max(0.0, thing.share)))
+            Match(camera=view.camera, box=thing.box, confidence=min(1.0, max(0.0, thing.share)))
             for thing in view.objects
             if thing.goal
             and thing.share >= self._config.min_share
@@ -124,13 +125,13 @@ class OracleBackend:
     async def _truth(
         self,
         episode: str,
-        views: tuple[Heading, ...],
+        cameras: tuple[Camera, ...],
         *,
         candidates: tuple[Point3, ...] = (),
     ) -> Truth:
-        question = TruthQuestion(views=views, size=self._config.size, candidates=candidates)
+        question = TruthQuestion(cameras=tuple(map(sharp, cameras)), candidates=candidates)
         truth = await self._call("POST", f"/v1/episodes/{episode}/truth", Truth, question)
-        if len(truth.views) != len(views) or len(truth.remaining_m) < len(candidates):
+        if len(truth.views) != len(cameras) or len(truth.remaining_m) < len(candidates):
             raise ModelUnreachable("the simulator's truth is incomplete", details={"reason": "contract"})
         return truth
 
@@ -148,17 +149,37 @@ class OracleBackend:
             raise ModelUnreachable(f"the oracle's simulator: {error.message}") from None
 
 
-def end_of(point: MarkedPoint, heading_deg: Heading, pose: Pose) -> Point3:
+def sharp(camera: Camera) -> Camera:
+    """The same camera with pixels about as fine as the default rig's, so that thresholds in pixels mean the same
+    whatever size the pictures have."""
+    finer = FOCAL_PX / camera.fx_px
+    if abs(finer - 1.0) <= _ABOUT:
+        return camera
+    return camera.scaled_to(min(MAX_SIDE_PX, round(finer * max(camera.width, camera.height))))
+
+
+def end_of(point: MarkedPoint, camera: Camera, pose: Pose) -> Point3:
     """Where the drone would stand after flying towards `point`: metres, ENU, at its own height.
 
-    The marked column of a pinhole picture with a field of view of 90 degrees lies `atan(2x - 1)` right of the view's
-    axis; yaw runs counter-clockwise, headings clockwise.
+    The marked column lies `atan((x W - c_x) / f_x)` right of the view's axis; yaw runs counter-clockwise, headings
+    clockwise.
     """
-    right = math.radians(heading_deg) + math.atan((2.0 * point.x - 1.0) * math.tan(math.radians(FOV_DEG / 2)))
+    right = math.radians(camera.heading_deg) + math.atan((point.x * camera.width - camera.cx_px) / camera.fx_px)
     course = pose.yaw - right
     return Point3(
         x=pose.x + point.distance_m * math.cos(course), y=pose.y + point.distance_m * math.sin(course), z=pose.z
     )
+
+
+def _direction_of(camera: Camera) -> str:
+    """Where a view looks, for its faults: cameras that look the same way err the same way."""
+    return f"{camera.heading_deg:g}" + (f"/{camera.pitch_deg:g}" if camera.pitch_deg else "")
+
+
+def _known(camera: Camera | None) -> Camera:
+    if camera is None:
+        raise BadQuestion("the oracle needs 'camera', what took the picture: it looks for itself", code="no_camera")
+    return camera
 
 
 def _named(episode: str | None) -> str:

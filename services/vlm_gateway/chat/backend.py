@@ -91,7 +91,7 @@ class ChatBackend:
 
     async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         self._needs_vision()
-        views = [AskedView(view.heading_deg, await self._fresh(view.picture)) for view in ask.views]
+        views = [AskedView(view.camera, await self._fresh(view.picture)) for view in ask.views]
         limit = self.settings.max_images
         groups = [views[at : at + limit] for at in range(0, len(views), limit)]
         calls = [asyncio.ensure_future(self._find_in(ask.phrase, group)) for group in groups]
@@ -105,7 +105,7 @@ class ChatBackend:
         self._needs_vision()
         labels = [point.label for point in ask.points]
         form = schemas.choice_form(labels)
-        asked = prompts.direction(await self._fresh(ask.picture), ask.heading_deg, ask.points, ask.task, form)
+        asked = prompts.direction(await self._fresh(ask.picture), ask.camera, ask.points, ask.task, form)
         return await self._ask(asked, lambda value: schemas.read_choice(value, labels))
 
     async def ask_in_words(

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import pybase64
 
-from contracts.geometry import Heading
+from contracts.cameras import Camera
 from contracts.vlm_gateway import MarkedPoint
 from services.vlm_gateway.backends.base import AskedView, Picture
 from services.vlm_gateway.chat.boxes import Size
@@ -20,7 +20,8 @@ SYSTEM = (
     "You are the eyes of a delivery drone that flies in front of a building. You answer questions about its camera "
     "pictures. Rely only on what the pictures show. Answer with a single JSON object and nothing else."
 )
-_SIDES: dict[Heading, str] = {-90: "left", -45: "front left", 0: "front", 45: "front right", 90: "right"}
+_SIDES = ("front", "front right", "right", "back right", "back", "back left", "left", "front left")
+_STEEP_DEG = 45.0
 
 
 class Asked(NamedTuple):
@@ -54,7 +55,7 @@ def find(phrase: str, views: Sequence[AskedView], form: Form, boxes: BoxForm) ->
     parts: list[Part] = []
     for number, view in enumerate(views, start=1):
         parts += [
-            _text(f"View {number}: the camera that looks to the {_SIDES[view.heading_deg]}."),
+            _text(f"View {number}: the camera that looks to the {_side(view.camera)}."),
             _image(view.picture),
         ]
     sizes = {Size(view.picture.width, view.picture.height) for view in views}
@@ -75,12 +76,12 @@ def find(phrase: str, views: Sequence[AskedView], form: Form, boxes: BoxForm) ->
     return Asked([*parts, _text(text)], form)
 
 
-def direction(picture: Picture, heading: Heading, points: Sequence[MarkedPoint], task: str, form: Form) -> Asked:
+def direction(picture: Picture, camera: Camera, points: Sequence[MarkedPoint], task: str, form: Form) -> Asked:
     reach = "; ".join(
         f"{point.label} ({round(point.x * 100)} % from the left): {point.distance_m:.1f} m" for point in points
     )
     text = (
-        f"The picture comes from the camera that looks to the {_SIDES[heading]}. Points are marked in it with letters. "
+        f"The picture comes from the camera that looks to the {_side(camera)}. Points are marked in it with letters. "
         f"The drone searches along the outside of the building and has this task: {_quoted(task)}. It can fly this far "
         f"towards each point without touching anything: {reach}. Which point should it fly to, so that it goes on "
         "round the building and sees parts of the facade that it has not seen, without leaving the building?\n"
@@ -109,6 +110,13 @@ def repair(answer: str, problem: str, form: Form) -> list[Message]:
         f"without any other text: {form.example}"
     )
     return [{"role": "assistant", "content": answer[:4000] or "(nothing)"}, {"role": "user", "content": text}]
+
+
+def _side(camera: Camera) -> str:
+    """Where a camera looks, in words: the nearest of eight sides, or up or down."""
+    if abs(camera.pitch_deg) > _STEEP_DEG:
+        return "sky, straight up" if camera.pitch_deg > 0 else "ground, straight down"
+    return _SIDES[round(camera.heading_deg / 45.0) % 8]
 
 
 def _text(text: str) -> Part:

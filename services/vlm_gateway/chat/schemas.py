@@ -159,7 +159,7 @@ def _match(entry: object, boxes: BoxForm, views: Sequence[AskedView]) -> Match:
         raise Unreadable('"confidence" must be from 0 to 1')
     view = views[int(number) - 1]
     box = boxes.read(fields[boxes.key], Size(view.picture.width, view.picture.height))
-    return Match(heading_deg=view.heading_deg, box=box, confidence=confidence)
+    return Match(camera=view.camera.name, box=box, confidence=confidence)
 
 
 def _without_label(entry: object) -> object:

@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import pytest
 
-from contracts.geometry import VIEW_HEADINGS_DEG, Box, Pose
+from contracts.cameras import default_rig
+from contracts.geometry import Box, Pose
 from contracts.orchestrator import SightingSettings
 from contracts.sim import TruthView, VisibleObject
 from contracts.vlm_gateway import Match
@@ -17,6 +18,7 @@ from evaluation.model_evaluation.mistakes import taken_for
 from evaluation.model_evaluation.questions import Role
 from evaluation.model_evaluation.scores import Scores, score
 
+CAMERAS = default_rig().cameras
 POSE = Pose(x=0, y=0, z=5, yaw=0)
 LEFT, RIGHT = Box(x_min=0.1, y_min=0.4, x_max=0.2, y_max=0.6), Box(x_min=0.7, y_min=0.4, x_max=0.8, y_max=0.6)
 
@@ -38,17 +40,29 @@ def thing(
 
 def look(*things: VisibleObject, where: str = "near") -> Look:
     truth = tuple(
-        TruthView(heading_deg=h, objects=things if h == 0 else (), building_box=None, floors_visible=0, floor_rows=())
-        for h in VIEW_HEADINGS_DEG
+        TruthView(
+            camera=c.name,
+            objects=things if c.name == "front" else (),
+            building_box=None,
+            floors_visible=0,
+            floor_rows=(),
+        )
+        for c in CAMERAS
     )
     return Look.model_validate(
-        {"where": where, "pose": POSE, "pictures": tuple(f"{h}.jpg" for h in VIEW_HEADINGS_DEG), "truth": truth}
+        {
+            "where": where,
+            "pose": POSE,
+            "cameras": CAMERAS,
+            "pictures": tuple(f"{c.name}.jpg" for c in CAMERAS),
+            "truth": truth,
+        }
     )
 
 
 def front(number: int, floors: int, *, top: float | None = None, stand_off: float = 9.0) -> Front:
     truth = TruthView(
-        heading_deg=0,
+        camera="front",
         objects=(),
         building_box=Box(x_min=0, y_min=0.2, x_max=1, y_max=1),
         floors_visible=floors,
@@ -97,7 +111,7 @@ def sought(
             "colour": what[1] if what else None,
             "first": True,
             "outcome": outcome,
-            "matches": tuple(Match(heading_deg=0, box=box, confidence=c) for box, c in matches),
+            "matches": tuple(Match(camera="front", box=box, confidence=c) for box, c in matches),
             "claim_confidence": 0.8,
             "latency_s": 0.1,
         }

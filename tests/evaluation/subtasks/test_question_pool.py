@@ -97,7 +97,7 @@ async def test_interrupted_it_stops_its_workers() -> None:
 
 
 def test_answers_survive_the_pipe() -> None:
-    view = TruthView(heading_deg=45, objects=(), building_box=None, floors_visible=2, floor_rows=(0.25, 0.75))
+    view = TruthView(camera="front-right", objects=(), building_box=None, floors_visible=2, floor_rows=(0.25, 0.75))
     asked = Asked(
         task="t-1",
         parsed=(parse.Parsed("plain", 3, "red kite", None, "red kite"),),

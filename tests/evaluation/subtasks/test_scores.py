@@ -11,6 +11,7 @@ from evaluation.subtasks.figures import bin_of
 from evaluation.subtasks.floors import Count
 from evaluation.subtasks.parse import Parsed
 from evaluation.subtasks.recognition import Look
+from tests.cameras import NAMES
 
 BOX = Box(x_min=0.4, y_min=0.4, x_max=0.5, y_max=0.5)
 ELSEWHERE = Box(x_min=0.8, y_min=0.1, x_max=0.9, y_max=0.2)
@@ -31,11 +32,11 @@ def thing(
 
 
 def view(*things: VisibleObject, heading: int = 0) -> TruthView:
-    return TruthView(heading_deg=heading, objects=things, building_box=None, floors_visible=0, floor_rows=())
+    return TruthView(camera=NAMES[heading], objects=things, building_box=None, floors_visible=0, floor_rows=())
 
 
 def match(box: Box = BOX, heading: int = 0) -> Match:
-    return Match(heading_deg=heading, box=box)
+    return Match(camera=NAMES[heading], box=box)
 
 
 def look(*views: TruthView, matches: tuple[Match, ...] | None = ()) -> Look:

@@ -15,6 +15,7 @@ import pytest
 import uvicorn
 import zstandard
 
+from contracts.cameras import Camera, pinhole_camera
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -27,11 +28,12 @@ from contracts.depth_assist import (
     ViewpointQuestion,
     ViewpointSettings,
 )
-from contracts.geometry import Box, Heading, Pose
+from contracts.geometry import Box, Pose
 from contracts.images import DepthMap, encode_depth
 from navigation import approach, safe_distance, viewpoint
 from services.depth_assist.bootstrap import bootstrap
 from services.depth_assist.settings import DepthAssistSettings
+from tests.cameras import NAMES, square
 
 BODY_LIMIT = 2_000_000
 
@@ -59,8 +61,10 @@ def client(url: str) -> Iterator[httpx.Client]:
         yield client
 
 
-def _view(depth_m: np.ndarray, heading: Heading = 0) -> ViewDepth:
-    return ViewDepth(heading_deg=heading, depth=encode_depth(depth_m))
+def _view(depth_m: np.ndarray, heading: float = 0) -> ViewDepth:
+    height, width = depth_m.shape
+    camera = pinhole_camera(NAMES[round(heading)], width, height, horizontal_fov_deg=90.0, heading_deg=heading)
+    return ViewDepth(camera=camera, depth=encode_depth(depth_m))
 
 
 def _corner(left_m: float, right_m: float, at: float = 0.5, size: int = 80) -> np.ndarray:
@@ -183,7 +187,9 @@ def test_an_approach_stops_in_front_of_the_wall(client: httpx.Client) -> None:
 
 def _viewpoint_body(**depth: Any) -> dict[str, Any]:
     body = ViewpointQuestion(views=(_view(np.full((40, 40), 9.0)),)).model_dump(mode="json")
-    body["views"][0]["depth"] |= depth
+    view = body["views"][0]
+    view["depth"] |= depth
+    view["camera"] |= {"width": view["depth"]["width"], "height": view["depth"]["height"]}
     return body
 
 
@@ -205,12 +211,13 @@ def _packed(data: bytes) -> str:
 def test_depth_that_is_not_what_it_says_is_named(client: httpx.Client, depth: dict[str, Any], says: str) -> None:
     message = _error(_post(client, "/v1/viewpoint", _viewpoint_body(**depth)), 422, "bad_depth")
     assert says in message
-    assert "view at 0 degrees" in message
+    assert "the view of camera front" in message
 
 
 def test_every_route_names_bad_depth(client: httpx.Client) -> None:
     view = _viewpoint_body(width=41)["views"][0]
-    good = _viewpoint_body()["views"][0] | {"heading_deg": 45}
+    good = _viewpoint_body()["views"][0]
+    good["camera"]["name"] = "front-right"
     pose, box = {"x": 0, "y": 0, "z": 5, "yaw": 0}, {"x_min": 0.4, "y_min": 0.4, "x_max": 0.6, "y_max": 0.6}
     for body in ({"view": view}, {"view": good, "others": [view]}):
         _error(_post(client, "/v1/safe-distances", body), 422, "bad_depth")
@@ -218,26 +225,22 @@ def test_every_route_names_bad_depth(client: httpx.Client) -> None:
 
 
 def test_too_few_columns_are_named(client: httpx.Client) -> None:
-    narrow = _view(np.full((40, 10), 9.0))
-    message = _error(
-        _post(client, "/v1/viewpoint", ViewpointQuestion(views=(narrow,)).model_dump_json().encode()), 422, "bad_depth"
-    )
-    assert "10 columns" in message
-    tiny = SafeDistancesQuestion(view=_view(np.full((4, 4), 9.0)))
-    _error(_post(client, "/v1/safe-distances", tiny.model_dump_json().encode()), 422, "bad_depth")
+    question = ViewpointQuestion(views=(_view(np.full((40, 16), 9.0)),))
+    message = _error(_post(client, "/v1/viewpoint", question.model_dump_json().encode()), 422, "bad_depth")
+    assert "16 columns" in message
 
 
 def test_a_depth_map_too_large_to_be_read_is_refused_before_it_is_unpacked(client: httpx.Client) -> None:
     depth = DepthMap(width=4096, height=4096, metres_per_unit=0.002, zstd_base64=_packed(bytes(2 * 4096 * 4096)))
-    question = ViewpointQuestion(views=(ViewDepth(heading_deg=0, depth=depth),))
+    question = ViewpointQuestion(views=(ViewDepth(camera=square(size=4096), depth=depth),))
     _error(_post(client, "/v1/viewpoint", question.model_dump_json().encode()), 422, "depth_too_large")
 
 
-def test_two_views_with_one_heading_are_refused(client: httpx.Client) -> None:
+def test_two_views_of_one_camera_are_refused(client: httpx.Client) -> None:
     view = _viewpoint_body()["views"][0]
-    message = _error(_post(client, "/v1/viewpoint", {"views": [view, view]}), 422, "duplicate_heading")
-    assert "[0, 0]" in message
-    _error(_post(client, "/v1/safe-distances", {"view": view, "others": [view]}), 422, "duplicate_heading")
+    message = _error(_post(client, "/v1/viewpoint", {"views": [view, view]}), 422, "duplicate_camera")
+    assert "front, front" in message
+    _error(_post(client, "/v1/safe-distances", {"view": view, "others": [view]}), 422, "duplicate_camera")
 
 
 @pytest.mark.parametrize(
@@ -260,10 +263,44 @@ def test_a_wrong_field_is_named(client: httpx.Client, change: dict[str, Any], fi
     assert answer.json()["error"]["details"]["problems"][0]["field"] == field
 
 
-def test_a_heading_that_no_camera_has_is_refused(client: httpx.Client) -> None:
+def test_depth_in_another_size_than_the_cameras_pictures_is_refused(client: httpx.Client) -> None:
     body = _viewpoint_body()
-    body["views"][0]["heading_deg"] = 30
-    assert "heading_deg" in _error(_post(client, "/v1/viewpoint", body), 422, "invalid")
+    body["views"][0]["camera"]["width"] = 60
+    assert "60 x 40 pixels; its depth map has 40 x 40" in _error(_post(client, "/v1/viewpoint", body), 422, "invalid")
+
+
+def test_views_none_of_which_is_level_are_refused_by_name(client: httpx.Client) -> None:
+    body = _viewpoint_body()
+    body["views"][0]["camera"]["pitch_deg"] = 60
+    for route, asked in (("viewpoint", body), ("safe-distances", {"view": body["views"][0]})):
+        assert "front" in _error(_post(client, f"/v1/{route}", asked), 422, "no_level_view")
+
+
+def test_a_camera_that_looks_up_is_passed_over_where_only_level_views_make_sense(client: httpx.Client) -> None:
+    level = _view(_corner(math.inf, 10.0))
+    up = ViewDepth(
+        camera=level.camera.model_copy(update={"name": "up", "pitch_deg": 90.0}), depth=encode_depth(np.ones((80, 80)))
+    )
+    alone, both = (
+        _post(client, "/v1/viewpoint", ViewpointQuestion(views=views).model_dump_json().encode()).json()
+        for views in ((level,), (level, up))
+    )
+    assert alone == both
+
+
+def test_the_box_of_the_front_picture_crops_another_lens_at_the_same_heights(client: httpx.Client) -> None:
+    # the front camera sees 45 degrees up and down, the other one 26.6: half the picture is its whole picture
+    front = _view(np.full((80, 80), 20.0))
+    wide = np.full((40, 80), 10.0)
+    wide[:10] = 50.0  # above the building's box in both
+    side = ViewDepth(
+        camera=Camera(name="side", width=80, height=40, fx_px=40, fy_px=40, cx_px=40, cy_px=20, heading_deg=90.0),
+        depth=encode_depth(wide),
+    )
+    question = ViewpointQuestion(views=(front, side), building_box=Box(x_min=0.2, y_min=0.375, x_max=0.8, y_max=1.0))
+    answer = _post(client, "/v1/viewpoint", question.model_dump_json().encode()).json()
+    means = {view["camera"]: view["slice_means_m"] for view in answer["views"]}
+    assert means["side"] == pytest.approx([10.0] * 20)
 
 
 def test_a_body_over_the_limit_is_refused(client: httpx.Client) -> None:

@@ -13,6 +13,7 @@ import pytest
 import uvicorn
 import zstandard
 
+from contracts.cameras import pinhole_camera
 from contracts.depth_assist import ExploreAnswer, ExploreQuestion, ViewDepth
 from contracts.geometry import Box, Pose
 from contracts.images import encode_depth
@@ -20,6 +21,7 @@ from navigation import camera
 from navigation.explorer import blob
 from services.depth_assist.bootstrap import bootstrap
 from services.depth_assist.settings import DepthAssistSettings
+from tests.cameras import NAMES
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 HOUSE = World([Prism(rectangle(0.0, 14.0, 16.0, 10.0))])
@@ -45,7 +47,13 @@ def client() -> Iterator[httpx.Client]:
 
 def _question(pose: Pose = START, world: World = HOUSE, **more: object) -> ExploreQuestion:
     seen = world.views(camera.Pose(pose.x, pose.y, pose.z, pose.yaw), camera.pinhole(120, 24, 90.0))
-    views = tuple(ViewDepth(heading_deg=h, depth=encode_depth(v.depth_m)) for h, v in seen.items())
+    views = tuple(
+        ViewDepth(
+            camera=pinhole_camera(NAMES[h], 120, 24, horizontal_fov_deg=90.0, heading_deg=h),
+            depth=encode_depth(v.depth_m),
+        )
+        for h, v in seen.items()
+    )
     return ExploreQuestion(views=views, pose=pose, **more)
 
 

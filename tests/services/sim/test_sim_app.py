@@ -5,10 +5,12 @@ from collections.abc import Callable
 
 import pytest
 
+from contracts.cameras import pinhole_camera
 from contracts.images import decode_depth, decode_jpeg
 from contracts.scene import Scene
 from contracts.sim import Catalogue, Episode, Truth, Verdict
 from contracts.vehicle import MoveResult
+from tests.cameras import camera_json
 from tests.services.sim.running_sim import BEFORE_THE_POT, CATALOGUE, Simulator, error
 
 
@@ -111,7 +113,10 @@ def test_the_same_scene_gives_the_same_bytes(sim: Simulator, yard: Scene) -> Non
 def test_the_truth_names_the_goal_and_the_remaining_way(sim: Simulator, yard: Scene) -> None:
     episode = sim.start(yard)
     sim.move(episode.id, 1, BEFORE_THE_POT)
-    question = {"views": [0, 90], "size": 128, "candidates": [{"x": 0.0, "y": -10.5, "z": 7.65}]}
+    question = {
+        "cameras": [camera_json(0, 128), camera_json(90, 128)],
+        "candidates": [{"x": 0.0, "y": -10.5, "z": 7.65}],
+    }
     answer = sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question)
     truth = Truth.model_validate_json(answer.content)
     assert [o.id for o in truth.views[0].objects] == ["pot"]
@@ -120,7 +125,7 @@ def test_the_truth_names_the_goal_and_the_remaining_way(sim: Simulator, yard: Sc
 
 
 def test_the_truth_after_a_look_is_that_without_one_and_follows_the_drone(sim: Simulator, yard: Scene) -> None:
-    question = {"views": [0, 45], "size": 128}
+    question = {"cameras": [camera_json(0, 128), camera_json(45, 128)]}
 
     def told(episode: Episode) -> Truth:
         answer = sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question)
@@ -138,9 +143,33 @@ def test_the_truth_after_a_look_is_that_without_one_and_follows_the_drone(sim: S
     assert [o.id for o in told(looked).views[0].objects] == ["pot"]
 
 
+def test_the_truth_is_told_of_any_camera_whatever_the_rig_is(sim: Simulator, yard: Scene) -> None:
+    episode = sim.start(yard)
+    sim.move(episode.id, 1, BEFORE_THE_POT)
+    wide = pinhole_camera("wide", 192, 108, horizontal_fov_deg=120.0, heading_deg=-30.0)
+    question = {
+        "cameras": [wide.model_dump(), wide.model_copy(update={"name": "down", "pitch_deg": -80.0}).model_dump()]
+    }
+    answer = sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question)
+    views = Truth.model_validate_json(answer.content).views
+    assert [view.camera for view in views] == ["wide", "down"]
+    (pot,) = views[0].objects
+    # straight ahead of the drone is 30 degrees right of the axis: f tan 30 = a third of the half width from the middle
+    assert (pot.box.x_min + pot.box.x_max) / 2 == pytest.approx(0.5 + 0.5 / 3, abs=0.01)
+    assert (views[1].objects, views[1].floor_rows) == ((), ())
+
+
+def test_a_camera_with_more_pixels_than_can_be_drawn_is_refused_by_name(sim: Simulator, yard: Scene) -> None:
+    rig = {"name": "huge", "cameras": [camera_json(0, 4000)]}
+    document = {"scene": yard.model_dump(mode="json"), "rig": rig}
+    status, code, message = error(sim.http.post("/v1/episodes", json=document))
+    assert (status, code) == (422, "bad_rig")
+    assert "'front' has 4000 x 4000" in message
+
+
 def test_a_truth_of_ways_alone_needs_no_views(sim: Simulator, yard: Scene) -> None:
     episode = sim.start(yard)
-    question = {"views": [], "candidates": [{"x": 0.0, "y": -10.5, "z": 7.65}]}
+    question = {"candidates": [{"x": 0.0, "y": -10.5, "z": 7.65}]}
     truth = Truth.model_validate_json(sim.http.post(f"/v1/episodes/{episode.id}/truth", json=question).content)
     assert truth.views == ()
     assert truth.remaining_m == pytest.approx((4.0,))

@@ -17,6 +17,7 @@ from contracts.images import decode_depth, decode_jpeg
 from contracts.scene import Scene
 from contracts.sim import Catalogue, Episode, Truth
 from contracts.vehicle import Observation
+from tests.cameras import camera_json
 
 
 def spawn(**settings: str) -> subprocess.Popen[str]:
@@ -74,7 +75,7 @@ def test_a_real_scene_is_seen_flown_in_and_told(
         assert view.depth is not None
         depth_m = decode_depth(view.depth)
         assert np.nanmedian(depth_m) == pytest.approx(3.0, abs=0.5)
-        told = http.post(f"/v1/episodes/{episode.id}/truth", json={"views": [0], "size": 160})
+        told = http.post(f"/v1/episodes/{episode.id}/truth", json={"cameras": [camera_json(0, 160)]})
         (pot,) = (o for o in Truth.model_validate_json(told.content).views[0].objects if o.goal)
         column = int((pot.box.x_min + pot.box.x_max) / 2 * 160)
         row = int((pot.box.y_min + pot.box.y_max) / 2 * 160)

@@ -30,6 +30,7 @@ from services.vlm_gateway.usage.accounts import Accounts, Price
 from services.vlm_gateway.usage.ledger import Ledger
 from services.vlm_gateway.usage.port import UsageStore
 from services.vlm_gateway.usage.sqlite import SqliteUsage
+from tests.cameras import camera_json
 from tests.services.vlm_gateway.openai_mock import OpenAiMock
 
 HEADINGS = (-90, -45, 0, 45, 90)
@@ -50,14 +51,14 @@ def floors_body(shade: int = 128, **more: Any) -> dict[str, Any]:
 
 
 def find_body(headings: tuple[int, ...] = HEADINGS, **more: Any) -> dict[str, Any]:
-    views = [{"heading_deg": h, "image": {"jpeg_base64": picture_base64(shade=100 + h)}} for h in headings]
+    views = [{"camera": camera_json(h), "image": {"jpeg_base64": picture_base64(shade=100 + h)}} for h in headings]
     return {"object": "green flower pot", "views": views, **more}
 
 
 def direction_body(labels: str = "abcde", **more: Any) -> dict[str, Any]:
     points = [{"label": label, "x": (i + 1) / 6, "y": 0.5, "distance_m": 2.0 + i} for i, label in enumerate(labels)]
     image = {"jpeg_base64": picture_base64()}
-    return {"heading_deg": 45, "image": image, "points": points, "task": "find the pot", **more}
+    return {"camera": camera_json(45), "image": image, "points": points, "task": "find the pot", **more}
 
 
 def chat_settings(mock: OpenAiMock | None, **changes: Any) -> ChatModel:

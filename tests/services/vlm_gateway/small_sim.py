@@ -9,18 +9,19 @@ from contracts.sim import Truth, TruthQuestion, TruthView, VisibleObject
 from contracts.vehicle import VehicleState
 from service_kit.app import create_app
 from service_kit.errors import NotFound
+from tests.cameras import NAMES
 
 BOX = Box(x_min=0.4, y_min=0.4, x_max=0.5, y_max=0.6)
 
 
 class SmallSim:
     """Episode `e1`: the drone at the origin faces north; the goal is at `goal`. What the views show is in `objects`
-    (by heading), how many floors in `floors`. `blocked` leaves no way to the goal."""
+    (by the camera's name), how many floors in `floors`. `blocked` leaves no way to the goal."""
 
     def __init__(self) -> None:
         self.goal = Point3(x=10, y=0, z=5)
         self.pose = Pose(x=0, y=0, z=5, yaw=math.pi / 2)
-        self.objects: dict[int, list[VisibleObject]] = {}
+        self.objects: dict[str, list[VisibleObject]] = {}
         self.floors = (3, (1.02, 0.5, 0.2))  # by floor, so from the lowest up, as the simulator gives them
         self.building: Box | None = BOX
         self.blocked = False
@@ -40,7 +41,7 @@ class SmallSim:
             share=share,
             distance_m=distance_m,
         )
-        self.objects.setdefault(heading, []).append(thing)
+        self.objects.setdefault(NAMES[heading], []).append(thing)
 
     def _build(self) -> FastAPI:
         app = create_app("sim", max_body_bytes=100_000)
@@ -65,13 +66,13 @@ class SmallSim:
             self.candidates = question.candidates
             views = tuple(
                 TruthView(
-                    heading_deg=heading,
-                    objects=tuple(self.objects.get(heading, ())),
+                    camera=camera.name,
+                    objects=tuple(self.objects.get(camera.name, ())),
                     building_box=self.building,
                     floors_visible=self.floors[0],
                     floor_rows=self.floors[1],
                 )
-                for heading in question.views
+                for camera in question.cameras
             )
             ways = tuple(
                 None if self.blocked else math.dist((p.x, p.y, p.z), (self.goal.x, self.goal.y, self.goal.z))

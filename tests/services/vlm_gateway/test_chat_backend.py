@@ -13,19 +13,20 @@ from service_kit.errors import BadQuestion, ServiceError
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.errors import ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
+from tests.cameras import square
 from tests.services.vlm_gateway.kit import HEADINGS, chat_backend, picture
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, completion, cuts, hangs, says, sends, status
 
 Made = Callable[..., ChatBackend]
 
-FLOORS = FloorsAsk(picture(), None)
-BUILDING = BuildingAsk(picture(800, 800), None)
+FLOORS = FloorsAsk(picture(), None, None)
+BUILDING = BuildingAsk(picture(800, 800), None, None)
 POINTS = tuple(MarkedPoint(label=label, x=0.2, y=0.5, distance_m=3.0) for label in ("a", "b", "c"))
-DIRECTION = DirectionAsk(45, picture(), POINTS, "find the pot", None)
+DIRECTION = DirectionAsk(square(45), picture(), POINTS, "find the pot", None)
 
 
 def views(*headings: Any) -> ObjectAsk:
-    return ObjectAsk("green flower pot", tuple(AskedView(h, picture(800, 800)) for h in headings), None)
+    return ObjectAsk("green flower pot", tuple(AskedView(square(h), picture(800, 800)) for h in headings), None)
 
 
 @pytest.fixture
@@ -277,7 +278,7 @@ async def test_all_views_go_in_one_call_where_the_model_takes_them(made: Made, m
     kinds = [part["type"] for part in mock.asked[0].body["messages"][1]["content"]]
     assert kinds.count("image_url") == 5
     assert reply.content is not None
-    assert [(m.heading_deg, m.confidence) for m in reply.content.matches] == [(-45, 0.8), (45, 0.4)]
+    assert [(m.camera, m.confidence) for m in reply.content.matches] == [("front-left", 0.8), ("front-right", 0.4)]
 
 
 async def test_views_are_asked_one_by_one_where_the_model_takes_one_picture(made: Made, mock: OpenAiMock) -> None:
@@ -290,7 +291,7 @@ async def test_views_are_asked_one_by_one_where_the_model_takes_one_picture(made
         assert [m["role"] for m in asked.body["messages"]] == ["user"]
         assert sum(part["type"] == "image_url" for part in asked.body["messages"][0]["content"]) == 1
     assert reply.content is not None
-    assert [match.heading_deg for match in reply.content.matches] == [0]
+    assert [match.camera for match in reply.content.matches] == ["front"]
     assert (reply.attempts, reply.tokens.prompt) == (5, 500)
 
 

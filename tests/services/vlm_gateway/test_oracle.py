@@ -7,14 +7,16 @@ from typing import Any
 
 import pytest
 
+from contracts.cameras import pinhole_camera
 from contracts.geometry import Pose
 from contracts.vlm_gateway import MarkedPoint
 from service_kit.client import ServiceClient
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk
-from services.vlm_gateway.backends.oracle import OracleBackend, end_of
+from services.vlm_gateway.backends.oracle import OracleBackend, end_of, sharp
 from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.errors import ModelUnreachable
+from tests.cameras import square
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import (
     HEADINGS,
@@ -28,7 +30,8 @@ from tests.services.vlm_gateway.kit import (
 )
 from tests.services.vlm_gateway.small_sim import BOX, SmallSim
 
-VIEWS: Any = tuple(AskedView(h, picture()) for h in HEADINGS)  # type: ignore[arg-type]
+FRONT = square()
+VIEWS = tuple(AskedView(square(h), picture()) for h in HEADINGS)
 FIND = ObjectAsk("whatever the customer said", VIEWS, "e1")
 POINTS = tuple(
     MarkedPoint(label=label, x=x, y=0.5, distance_m=4.0)
@@ -49,10 +52,10 @@ async def oracle(serve: Serve, sim: SmallSim) -> AsyncIterator[OracleBackend]:
 
 
 async def test_floors_and_building_are_the_truth(oracle: OracleBackend) -> None:
-    floors = (await oracle.count_floors(FloorsAsk(picture(), "e1"))).content
+    floors = (await oracle.count_floors(FloorsAsk(picture(), FRONT, "e1"))).content
     assert floors is not None
     assert (floors.count, floors.rows) == (3, (0.2, 0.5, 1.0))
-    building = (await oracle.find_building(BuildingAsk(picture(), "e1"))).content
+    building = (await oracle.find_building(BuildingAsk(picture(), FRONT, "e1"))).content
     assert building is not None
     assert building.box == BOX
 
@@ -62,7 +65,7 @@ async def test_the_goal_is_seen_in_the_views_that_show_it(oracle: OracleBackend,
     sim.shows(90, share=0.8)
     reply = await oracle.find_object(FIND)
     assert reply.content is not None
-    assert [(m.heading_deg, m.confidence) for m in reply.content.matches] == [(90, 0.8), (-45, 0.5)]
+    assert [(m.camera, m.confidence) for m in reply.content.matches] == [("right", 0.8), ("front-left", 0.5)]
 
 
 @pytest.mark.parametrize("hidden", [{"goal": False}, {"share": 0.39}, {"pixels": 79}, {"distance_m": 25.5}])
@@ -73,6 +76,14 @@ async def test_what_is_not_the_goal_or_hardly_shows_is_not_seen(
     reply = await oracle.find_object(FIND)
     assert reply.content is not None
     assert reply.content.matches == ()
+
+
+def test_it_looks_with_pixels_as_fine_as_ever_whatever_size_the_pictures_have() -> None:
+    wide = pinhole_camera("wide", 1280, 720, horizontal_fov_deg=120.0)
+    assert sharp(FRONT) is FRONT
+    assert sharp(wide) is wide
+    assert sharp(square(size=200)) == FRONT
+    assert (sharp(square(size=1600)).width, sharp(square(size=1600)).fx_px) == (800, 400.0)
 
 
 @pytest.mark.parametrize(
@@ -86,33 +97,35 @@ async def test_what_is_not_the_goal_or_hardly_shows_is_not_seen(
         (45, 0.0, math.pi / 2, (0.0, 4.0)),  # the left edge of the 45 degree view is straight ahead
     ],
 )
-def test_where_a_marked_point_leads(heading: Any, x: float, yaw: float, end: tuple[float, float]) -> None:
+def test_where_a_marked_point_leads(heading: float, x: float, yaw: float, end: tuple[float, float]) -> None:
     point = MarkedPoint(label="a", x=x, y=0.5, distance_m=4.0)
-    there = end_of(point, heading, Pose(x=0, y=0, z=7, yaw=yaw))
+    there = end_of(point, square(heading), Pose(x=0, y=0, z=7, yaw=yaw))
     assert (there.x, there.y, there.z) == pytest.approx((*end, 7), abs=1e-9)
 
 
 async def test_the_direction_is_the_one_with_the_shortest_way_left(oracle: OracleBackend, sim: SmallSim) -> None:
-    reply = await oracle.choose_direction(DirectionAsk(45, picture(), POINTS, "find it", "e1"))
+    reply = await oracle.choose_direction(DirectionAsk(square(45), picture(), POINTS, "find it", "e1"))
     assert reply.content is not None
     assert reply.content.label == "e"  # facing north at the origin, the goal is due east: as far right as one can
     assert len(sim.candidates) == 5
-    reply = await oracle.choose_direction(DirectionAsk(90, picture(), POINTS, "find it", "e1"))
+    reply = await oracle.choose_direction(DirectionAsk(square(90), picture(), POINTS, "find it", "e1"))
     assert reply.content is not None
     assert reply.content.label == "c"
 
 
 async def test_no_way_at_all_is_a_refusal_and_no_direction(oracle: OracleBackend, sim: SmallSim) -> None:
     sim.blocked = True
-    reply = await oracle.choose_direction(DirectionAsk(0, picture(), POINTS, "find it", "e1"))
+    reply = await oracle.choose_direction(DirectionAsk(FRONT, picture(), POINTS, "find it", "e1"))
     assert (reply.outcome, reply.content) == ("refused", None)
 
 
 async def test_without_an_episode_or_with_an_unknown_one_the_question_is_at_fault(oracle: OracleBackend) -> None:
     with pytest.raises(BadQuestion, match="oracle_episode"):
-        await oracle.count_floors(FloorsAsk(picture(), None))
+        await oracle.count_floors(FloorsAsk(picture(), FRONT, None))
     with pytest.raises(BadQuestion, match="no episode 'e9'"):
-        await oracle.count_floors(FloorsAsk(picture(), "e9"))
+        await oracle.count_floors(FloorsAsk(picture(), FRONT, "e9"))
+    with pytest.raises(BadQuestion, match="camera"):
+        await oracle.count_floors(FloorsAsk(picture(), None, "e1"))
 
 
 async def test_a_simulator_that_is_not_there_is_unreachable() -> None:
@@ -120,7 +133,7 @@ async def test_a_simulator_that_is_not_there_is_unreachable() -> None:
         ServiceClient("sim", f"http://127.0.0.1:{closed_port()}"), OracleModelConfig(backend="oracle")
     )
     with pytest.raises(ModelUnreachable):
-        await backend.count_floors(FloorsAsk(picture(), "e1"))
+        await backend.count_floors(FloorsAsk(picture(), FRONT, "e1"))
     await backend.close()
 
 

@@ -61,7 +61,7 @@ def test_the_four_questions_are_put_in_each_server_s_own_words(serve: Serve, pre
     assert (floors["outcome"], floors["floors"], floors["attempts"]) == ("answered", 3, 1)
     assert floors["tokens"] == {"prompt": 50, "completion": 5}
     assert box["box"] == {"x_min": 0.25, "y_min": 0.0, "x_max": 0.75, "y_max": 1.0}
-    assert [match["heading_deg"] for match in found["matches"]] == [-90]
+    assert [match["camera"] for match in found["matches"]] == ["left"]
     assert way["label"] == "a"
     assert [seen.pictures for seen in server.asked] == [1, 1, 5, 1]
 

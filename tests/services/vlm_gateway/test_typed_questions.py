@@ -18,6 +18,7 @@ from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.embedded import EmbeddedBackend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from services.vlm_gateway.embedded.model import EmbeddedModel
+from tests.cameras import camera_json
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import (
     build,
@@ -41,7 +42,7 @@ def scripted(**lines: Any) -> ScriptedBackend:
 
 def test_each_question_brings_its_answer(serve: Serve) -> None:
     box = {"x_min": 0.1, "y_min": 0.2, "x_max": 0.6, "y_max": 0.9}
-    match = {"heading_deg": 45, "box": box, "confidence": 0.7}
+    match = {"camera": "front-right", "box": box, "confidence": 0.7}
     backend = scripted(
         floor_count=[{"floors": 3, "rows": [0.1, 0.5, 0.9]}],
         building_box=[{"box": box}, {"box": None}],
@@ -142,7 +143,7 @@ def test_what_an_answer_depends_on_is_in_the_key_and_what_it_does_not_is_not(
     assert state(model="same", oracle_episode="e-17") == "hit"
     assert state(model="warm") == "miss"
     assert state(task="find the chair") == "miss"
-    assert state(heading_deg=-45) == "miss"
+    assert state(camera=camera_json(-45)) == "miss"
     assert state(points=direction_body()["points"][:3]) == "miss"
 
 
@@ -254,7 +255,7 @@ def test_a_bad_picture_is_told_apart_before_it_is_decoded(serve: Serve, image: s
         ("/v1/find-object", {**find_body(), "object": ""}),
         ("/v1/find-object", {**find_body(), "views": []}),
         ("/v1/find-object", find_body((0, 0))),
-        ("/v1/find-object", {**find_body(), "views": [{**find_body()["views"][0], "heading_deg": 30}]}),
+        ("/v1/find-object", {**find_body(), "views": [{**find_body()["views"][0], "camera": "front"}]}),
         ("/v1/choose-direction", {**direction_body(), "points": []}),
         ("/v1/choose-direction", direction_body("aa")),
     ],
