@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import Callable
 from pathlib import Path
+from typing import Self
 
 from contracts.cameras import default_rig
 from contracts.events import Event
@@ -13,13 +14,17 @@ from mission.mission import Mission
 from mission.placement import InTrial
 from mission.policies import BadSearch, completed
 from mission.ports import Ports
-from mission.record import Record, new_id, now
+from mission.record import Record, new_id, now, read_state
+from mission.state import begin
 from mission.vehicle import Trial
 from orchestrator import sample_library
 from orchestrator.summary import draw_summary
 from service_kit.extensions import BadExtension
 
 log = logging.getLogger("orchestrator.delivery")
+
+Listener = Callable[[Event], None]
+"""Hears every event of a delivery once it is written."""
 
 
 class BadDelivery(ValueError):
@@ -54,6 +59,12 @@ class Order:
             update={"request": request, "scene": scene, "settings": self.settings},
         )
 
+    @classmethod
+    def recorded(cls, folder: Path) -> Self:
+        """The order of a record. Raises OSError, ValueError where the folder holds none."""
+        question = DeliveryQuestion.model_validate_json((folder / "question.json").read_text(encoding="utf-8"))
+        return cls(question.model_copy(update={"sample": None}) if question.scene is not None else question)
+
     def placed(self, trial: Trial) -> InTrial:
         """The scene as a trial of that simulator."""
         rig = default_rig().scaled_to(self.settings.image_size)
@@ -63,7 +74,7 @@ class Order:
 class Run:
     """A delivery under way: its record and, at the end, its result."""
 
-    def __init__(self, order: Order, runs: Path, *, listener: Callable[[Event], None] | None = None) -> None:
+    def __init__(self, order: Order, runs: Path, *, listener: Listener | None = None) -> None:
         """Opens the record. Raises OSError where the folder can't be written."""
         self._order = order
         name = new_id()
@@ -78,16 +89,26 @@ class Run:
         )
         self.record = Record(runs / name, delivery, order.question, listener=listener)
 
+    @classmethod
+    def reopened(cls, folder: Path, *, listener: Listener | None = None) -> Self:
+        """The delivery of a record that another process left: `fly` carries it on. Raises OSError, ValueError where the
+        folder holds no record."""
+        run = cls.__new__(cls)
+        run._order = Order.recorded(folder)
+        run.record = Record.reopened(folder, listener=listener)
+        return run
+
     @property
     def id(self) -> str:
         return self.record.delivery.id
 
     async def fly(self, ports: Ports, trial: Trial) -> DeliveryResult:
-        """Flies, and completes the record. Cancelling the task ends the flight, not the record."""
+        """Flies from where the record's state is, and completes the record. Cancelling the task ends the flight, not
+        the record."""
         order = self._order
         try:
             mission = Mission(ports, order.placed(trial), order.settings, self.record, keep=self.record.keep)
-            result = await mission.fly(order.request, key=self.id)
+            result = await mission.go_on(read_state(self.record.folder) or begin(order.request))
             self.record.conclude(result)
             await self._draw()
             self.record.announce(result)
