@@ -180,7 +180,6 @@ def test_an_episode_s_pictures_go_where_they_are_known(serve: Serve, mocks: list
     server keeps the pictures of 6): each picture is looked at about once instead of once in two or three questions."""
     known, spread = share_computed(serve, mocks, affinity=True)
     scattered, _ = share_computed(serve, mocks, affinity=False)
-    print(f"computed anew with affinity {known:.3f}, without {scattered:.3f}, questions {spread}")
     assert known < 0.25
     assert scattered > 0.45
     assert min(spread) > 96 / 12
