@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from pydantic import AliasChoices, AliasPath, ConfigDict, Field, JsonValue
 
 from contracts.base import Metres, Name, Unit, Wire
+from contracts.cameras import Camera, default_rig
 from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreDrawing, PlanPoint, ViewpointAnswer
 from contracts.geometry import Point2, Point3, PointLabel, Pose
 from contracts.llm_parser import ParseAnswer
@@ -120,14 +121,35 @@ class JudgedMatch(Match):
     rejected: str | None
 
 
+def picture_name(camera: Camera) -> str:
+    """The short name of a camera's picture in an event: where it looks, degrees right of the nose and up or down."""
+    heading, pitch = round(camera.heading_deg), round(camera.pitch_deg)
+    if pitch:
+        return f"view{heading:+d}{'up' if pitch > 0 else 'down'}{abs(pitch)}"
+    return "view" if heading == 0 else f"view{heading:+d}"
+
+
+class LookedView(Wire):
+    """One camera's view in a look; `picture`: the short name of its picture among the event's."""
+
+    camera: Camera
+    picture: str
+
+
+def _default_views() -> tuple[LookedView, ...]:
+    return tuple(LookedView(camera=camera, picture=picture_name(camera)) for camera in default_rig().cameras)
+
+
 class LookData(Wire):
-    """One look with all cameras for the object. `sightings` are the answer's matches that are sure enough to be worth a
+    """One look with all cameras for the object. `views`: those of the default rig where a record of version 0.1 does
+    not tell. `sightings` are the answer's matches that are sure enough to be worth a
     judgement; `returns`: plan points where depth hit something, for drawing."""
 
     exploration_step: int = Field(ge=0)
     pose: Pose
     object: str | None
     answer: FindObjectAnswer
+    views: tuple[LookedView, ...] = Field(default_factory=_default_views)
     sightings: tuple[JudgedMatch, ...] = ()
     returns: tuple[PlanPoint, ...] = ()
     render_s: Seconds

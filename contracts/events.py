@@ -49,6 +49,10 @@ class RecordedEvent(Wire):
     data: object
     pictures: tuple[str, ...] = ()
 
+    def picture(self, name: str) -> str | None:
+        """The file name of the picture with that short name."""
+        return next((file for file in self.pictures if file.endswith(f"_{name}.jpg")), None)
+
 
 class MissionEvent(RecordedEvent):
     """An event of a kind that is known here."""

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from contracts.cameras import Camera as WireCamera
 from contracts.depth_assist import ViewDepth
+from contracts.event_data import picture_name
 from contracts.geometry import Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.vehicle import Observation, SensedView
@@ -68,11 +69,8 @@ class Sight:
 
     @property
     def name(self) -> str:
-        """Of its picture in the record: by where it looks, degrees right of the nose and up or down."""
-        heading, pitch = round(self.camera.heading_deg), round(self.camera.pitch_deg)
-        if pitch:
-            return f"view{heading:+d}{'up' if pitch > 0 else 'down'}{abs(pitch)}"
-        return "view" if heading == 0 else f"view{heading:+d}"
+        """Of its picture in the record."""
+        return picture_name(self.view.camera)
 
 
 @dataclass(frozen=True)

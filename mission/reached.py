@@ -29,7 +29,8 @@ async def reached(call: Awaitable[T]) -> T:
         if error.status in (401, 403):
             variable = TOKEN_VARIABLES.get(error.service)
             right = f"set {variable} or {variable}_FILE to" if variable else "give its client"
-            message = f"{error.service} refuses our token ({error.status}); {right} one that it accepts"
+            why = f": {error.reason}" if error.status == 403 else ""
+            message = f"{error.service} refuses our token ({error.status}{why}); {right} one that it accepts"
             raise ServiceUnreachable(message) from None
         if error.status == 429 or error.status >= 500:
             raise ServiceUnreachable(str(error)) from None

@@ -107,11 +107,11 @@ def _closer(picture: Canvas, middle: tuple[float, float]) -> Canvas:
 
 
 def _view(events: Iterable[Event]) -> str | None:
-    return next((name for e in events for name in e.pictures if name.endswith("_view.jpg")), None)
+    return next((name for e in events if (name := e.picture("view")) is not None), None)
 
 
 def _named(events: Sequence[Event], short: str) -> str | None:
-    return next((name for e in reversed(events) for name in e.pictures if name.endswith(f"_{short}.jpg")), None)
+    return next((name for e in reversed(events) if (name := e.picture(short)) is not None), None)
 
 
 def _read(folder: Path, name: str | None) -> Canvas | None:

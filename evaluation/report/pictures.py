@@ -2,7 +2,6 @@
 
 import base64
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from contracts.events import DirectionEvent, Event, FloorCountEvent, LookEvent
 from contracts.images import BadImage, image_header
 from evaluation.metrics.episode import Reason
@@ -27,7 +27,6 @@ DEFAULT_BYTES = 24_000_000
 FEWEST, WIDE_ENOUGH_PX = 2, 260
 FACADE_SIDE_DEG = 60.0
 """Where a drone that flies clockwise has the building."""
-_VIEW = re.compile(r"\d{4}_view([+-]\d+)?\.jpg")
 
 
 class Shown(NamedTuple):
@@ -125,8 +124,8 @@ def evidence(task: Task, reason: Reason, events: Sequence[Event]) -> list[Shown]
         counted = [e for e in events if isinstance(e, FloorCountEvent) and e.pictures][-4:]
         shown = [Shown(e.pictures[0], _first(e.message), -k) for k, e in enumerate(counted)]
     elif reason == "wrong_object":
-        sighted = [e for e in looks if _named(e, "sighting")][-2:]
-        shown = [Shown(_named(e, "sighting") or "", f"claimed: {_first(e.message)}", -k) for k, e in enumerate(sighted)]
+        sighted = [e for e in looks if e.picture("sighting")][-2:]
+        shown = [Shown(e.picture("sighting") or "", f"claimed: {_first(e.message)}", -k) for k, e in enumerate(sighted)]
     elif reason == "missed_object":
         plain = [e for e in looks if in_plain_view(task, e.data.pose)]
         shown = [one for look in (plain or looks)[-1:] for one in _views(look, _bearing_deg(task, look))]
@@ -140,12 +139,13 @@ def evidence(task: Task, reason: Reason, events: Sequence[Event]) -> list[Shown]
     return [one for one in shown if PICTURE_NAME.fullmatch(one.name)]
 
 
-def _views(look: Event, towards_deg: float) -> list[Shown]:
+def _views(look: LookEvent, towards_deg: float) -> list[Shown]:
     """A look's views, the one nearest to that bearing first in rank."""
-    headings = [(name, int(found.group(1) or 0)) for name in look.pictures if (found := _VIEW.fullmatch(name))]
+    found = ((look.picture(view.picture), view.camera) for view in look.data.views)
     return [
-        Shown(name, _towards(heading), 1 + round(abs(math.remainder(heading - towards_deg, 360.0))))
-        for name, heading in headings
+        Shown(name, _where(camera), 1 + round(abs(math.remainder(camera.heading_deg - towards_deg, 360.0))))
+        for name, camera in found
+        if name is not None
     ]
 
 
@@ -155,12 +155,11 @@ def _bearing_deg(task: Task, look: LookEvent) -> float:
     return math.degrees(pose.yaw - math.atan2(task.target.y - pose.y, task.target.x - pose.x))
 
 
-def _named(event: Event, short: str) -> str | None:
-    return next((name for name in event.pictures if name.endswith(f"_{short}.jpg")), None)
-
-
-def _towards(degrees: int) -> str:
-    return "ahead" if degrees == 0 else f"{abs(degrees)}° {'right' if degrees > 0 else 'left'}"
+def _where(camera: Camera) -> str:
+    """Where it looks, for people."""
+    degrees, pitch = round(camera.heading_deg), round(camera.pitch_deg)
+    side = "ahead" if degrees == 0 else f"{abs(degrees)}° {'right' if degrees > 0 else 'left'}"
+    return side if pitch == 0 else f"{side}, {abs(pitch)}° {'up' if pitch > 0 else 'down'}"
 
 
 def _first(message: str, most: int = 90) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Awaitable, Callable
 from typing import NamedTuple
 
-from contracts.event_data import JudgedMatch, LookData
+from contracts.event_data import JudgedMatch, LookData, LookedView
 from contracts.geometry import Point3
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match, View
@@ -63,6 +63,7 @@ async def search(
             pose=look.pose,
             object=step.state.object,
             answer=reply.answer,
+            views=tuple(LookedView(camera=sight.view.camera, picture=sight.name) for sight in look.all),
             sightings=tuple(_recorded(s, s is best) for s in sightings),
             returns=tuple(facade_returns(look.across)),
             render_s=look.observation.timings_s.get("render", 0.0),

@@ -250,7 +250,7 @@ def _gauges(chats: Mapping[str, ChatBackend]) -> Iterable[Metric]:
     states = {"closed": 0.0, "half_open": 0.5, "open": 1.0}
     running = {alias: upstream.admission.running for alias, upstream in upstreams.items()}
     waiting = {alias: upstream.admission.waiting for alias, upstream in upstreams.items()}
-    open_ = {alias: states[upstream.health.state] for alias, upstream in upstreams.items()}
+    open_ = {alias: states[upstream.state] for alias, upstream in upstreams.items()}
     yield gauge("running", "Questions and chats at the model's server.", running)
     yield gauge("waiting", "Questions and chats that wait for a place there.", waiting)
     yield gauge("breaker_open", "1 where the model isn't asked after failures, 0.5 where one may try.", open_)

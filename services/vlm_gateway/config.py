@@ -40,6 +40,10 @@ FALLBACK_AFTER: tuple[FallbackReason, ...] = (
 ROLES: tuple[Role, ...] = ("parser", "floors", "recognition", "choice")
 
 
+HeaderName = Annotated[str, Field(pattern=r"^[A-Za-z0-9-]{1,64}$")]
+HeaderValue = Annotated[str, Field(pattern=r"^[\x20-\x7e]{0,1000}$")]
+
+
 class _Limits(Wire):
     """What every model may set: `timeout_s` is for a whole question; at most `queue` questions wait for one of
     `concurrency` places."""
@@ -95,6 +99,15 @@ class OracleModelConfig(_Limits):
     noise: OracleNoise = NO_NOISE
 
 
+class ServerConfig(Wire):
+    """One of several servers behind an alias. It gets calls by its `weight`; 0 drains it. A `canary` gets that share of
+    them and no others."""
+
+    url: str = Field(min_length=1, max_length=2000)
+    weight: float = Field(default=1.0, ge=0.0, le=1000.0)
+    canary: float = Field(default=0.0, ge=0.0, le=0.5)
+
+
 class ChatModelConfig(_Limits):
     """One model of an OpenAI-compatible server. What is not given is taken from the preset (`max_images`,
     `min_pixels`, `max_pixels`, `temperature`, `max_tokens`, `boxes`, `box_order`, `image_factor`) or the server
@@ -103,6 +116,12 @@ class ChatModelConfig(_Limits):
     `pass` names fields of a chat that are passed to the server besides the preset's, `message_fields`, `part_fields`
     and `part_types` those of messages and parts (`["*"]` passes all); what else is in messages is dropped.
 
+    Several servers are `base_urls`, addresses or tables with `url`, `weight` and `canary`: the least busy and quickest
+    is asked, with `affinity` the one that has seen most of a request; each is looked at every `health_check_s` (0:
+    never), and one that comes back gets its share over `slow_start_s`. The server's key goes into `key_header` (as a
+    bearer token in `authorization`), `headers` and `query` are sent with every request: Azure wants `api-key` and
+    `api-version`.
+
     For chats that are passed on: `retries` is how often a request is made again where its failure may pass, `fallbacks`
     the aliases that are asked in turn after what `fallback_after` lists, `counts_streams` whether its server is asked
     what a stream cost, and the prices (US dollars a million tokens) make what is spent. `resend_unanswered`: a request
@@ -110,6 +129,13 @@ class ChatModelConfig(_Limits):
 
     backend: Literal["chat"]
     base_url: str = ""
+    base_urls: tuple[str | ServerConfig, ...] = Field(default=(), max_length=64)
+    affinity: bool = True
+    health_check_s: float = Field(default=5.0, ge=0.0, le=3600.0)
+    slow_start_s: float = Field(default=10.0, ge=0.0, le=3600.0)
+    key_header: str = Field(default="authorization", pattern=r"^[A-Za-z0-9-]{1,64}$")
+    headers: dict[HeaderName, HeaderValue] = {}
+    query: dict[str, str] = {}
     model: str = Field(min_length=1, max_length=200)
     preset: str
     server: str = "openai-compatible"
@@ -214,6 +240,7 @@ class ChatModel(Wire):
     family: Family
     server: Server
     base_url: str
+    servers: tuple[ServerConfig, ...]
 
     @property
     def structured(self) -> Structured:
@@ -311,14 +338,16 @@ def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
     server = servers().get(config.server)
     if server is None:
         raise BadSetting(f"{key}.server: no server {config.server!r}; there are {', '.join(servers())}")
-    base_url = (config.base_url or server.base_url).rstrip("/")
-    if server.api == "ollama" and not base_url.endswith("/v1"):
-        base_url += "/v1"  # where chats of clients go; typed questions go to /api/chat beside it
-    parts = urlsplit(base_url)
-    if parts.scheme not in ("http", "https") or not parts.hostname:
-        raise BadSetting(f"{key}.base_url: {base_url!r} is no address; give one such as http://127.0.0.1:8000/v1")
-    if parts.username or parts.password or parts.query:
-        raise BadSetting(f"{key}.base_url: leave credentials out of the address; use api_key_env or api_key_file")
+    if config.base_url and config.base_urls:
+        raise BadSetting(f"{key}: give base_url or base_urls, not both")
+    given = config.base_urls or (config.base_url or server.base_url,)
+    tables = [one if isinstance(one, ServerConfig) else ServerConfig(url=one or " ") for one in given]
+    where_from = "base_urls" if config.base_urls else "base_url"
+    urls = tuple(one.model_copy(update={"url": _address(one.url, server, f"{key}.{where_from}")}) for one in tables)
+    if not any(one.weight and not one.canary for one in urls):
+        raise BadSetting(f"{key}.base_urls: every server has weight 0 or is a canary; leave at least one to be asked")
+    if len({urlsplit(one.url).path for one in urls}) > 1:
+        raise BadSetting(f"{key}.base_urls: give addresses with the same path")
     if config.api_key_env and config.api_key_file:
         raise BadSetting(f"{key}: give api_key_env or api_key_file, not both")
     low, high = config.min_pixels or family.min_pixels, config.max_pixels or family.max_pixels
@@ -329,7 +358,20 @@ def chat_model(alias: str, config: ChatModelConfig, where: str) -> ChatModel:
     reserved = sorted({"model", "messages", "stream", "n"} & set(config.extra))
     if reserved:
         raise BadSetting(f"{key}.extra: {', '.join(reserved)} can't be set here; the gateway sets it")
-    return ChatModel(alias=alias, config=config, family=family, server=server, base_url=base_url)
+    return ChatModel(alias=alias, config=config, family=family, server=server, base_url=urls[0].url, servers=urls)
+
+
+def _address(given: str, server: Server, where: str) -> str:
+    """Raises BadSetting."""
+    address = given.strip().rstrip("/")
+    if server.api == "ollama" and not address.endswith("/v1"):
+        address += "/v1"  # where chats of clients go; typed questions go to /api/chat beside it
+    parts = urlsplit(address)
+    if parts.scheme not in ("http", "https") or not parts.hostname:
+        raise BadSetting(f"{where}: {address!r} is no address; give one such as http://127.0.0.1:8000/v1")
+    if parts.username or parts.password or parts.query:
+        raise BadSetting(f"{where}: leave credentials out of the address; use api_key_env or api_key_file")
+    return address
 
 
 def api_key(alias: str, config: ChatModelConfig, environment: Mapping[str, str], where: str) -> str | None:

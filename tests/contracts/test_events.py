@@ -11,6 +11,7 @@ from contracts.event_data import EventData, LostData, MoveData, NoData, TurnData
 from contracts.events import (
     Event,
     KnownEvent,
+    LookEvent,
     LostEvent,
     MoveEvent,
     SearchEvent,
@@ -122,6 +123,9 @@ def test_the_events_of_the_first_version_still_read() -> None:
     assert searched.data.drawing is not None
     assert searched.data.drawing.inspected
     assert searched.data.inspected_share is not None
+    look = next(e for e in read if isinstance(e, LookEvent))
+    assert [view.camera.heading_deg for view in look.data.views] == [-90.0, -45.0, 0.0, 45.0, 90.0]
+    assert all(look.picture(view.picture) for view in look.data.views)
 
 
 def test_the_published_schema_is_that_of_todays_events() -> None:

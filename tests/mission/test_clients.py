@@ -56,6 +56,11 @@ async def test_a_model_that_did_not_answer_is_unreachable_whatever_the_reason(co
         await services.ports().parser.parse(ParseQuestion(request="floor 3", model=code))
 
 
+async def test_a_key_that_may_not_do_this_is_told_what(services: Services) -> None:
+    with pytest.raises(ServiceUnreachable, match=r"refuses our token \(403: the server said: context too long\); set"):
+        await services.ports().vision.floor_count(FloorCountQuestion(model="forbidden", image=PICTURE))
+
+
 @pytest.mark.parametrize("code", ["too_many", "internal"])
 async def test_a_service_that_cannot_serve_is_unreachable(code: str, services: Services) -> None:
     with pytest.raises(ServiceUnreachable, match=code):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from contracts.event_data import LostData, NoData
-from contracts.events import Event
+from contracts.events import Event, LookEvent
 from contracts.geometry import Point3
 from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.policies import completed
@@ -80,6 +80,9 @@ async def test_everything_about_a_delivery_can_be_read_from_its_folder_alone(tmp
     assert asked.settings == completed(question.settings)
     named = {p for e in read_events(folder) for p in e.pictures}
     assert named == {p.name for p in (folder / "pictures").iterdir()}
+    looks = [e for e in read_events(folder) if isinstance(e, LookEvent)]
+    assert looks
+    assert all(look.picture(view.picture) for look in looks for view in look.data.views)
     (folder / "summary.png").unlink()
     assert draw_summary(folder).stat().st_size > 10_000
 

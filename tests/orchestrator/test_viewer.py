@@ -43,6 +43,13 @@ def test_every_field_that_the_page_reads_of_a_kind_is_there() -> None:
     assert sorted((kind, field) for kind, field in read if field not in fields(kind)) == []
 
 
+def test_what_the_page_reads_of_a_view_and_a_sighting_is_there() -> None:
+    judged, view = (set(SCHEMA["$defs"][name]["properties"]) for name in ("JudgedMatch", "LookedView"))
+    assert set(re.findall(r"\bs\.(box|camera|rejected|accepted|confidence|distance_m|heading_deg)\b", PAGE)) <= judged
+    assert "({ camera, picture })" in PAGE
+    assert view == {"camera", "picture"}
+
+
 def test_every_field_that_the_page_reads_of_any_event_is_there_in_some_kind() -> None:
     everywhere = set().union(*(fields(kind) for kind in SCHEMA["discriminator"]["mapping"]))
     assert set(re.findall(r"\.data\.(\w+)", PAGE)) <= everywhere

@@ -128,7 +128,9 @@ class ChatParser:
             return ServiceError(str(error), code="model_timeout", status=504, details=details)
         if isinstance(error, Refused):
             if error.code in _PASSED_ON:
-                return ServiceError(error.reason, code=error.code, status=error.status, details=details)
+                # whatever the model's server has against the question: it is the parser's own, not its caller's
+                status = 502 if error.code == "model_rejected" else error.status
+                return ServiceError(error.reason, code=error.code, status=status, details=details)
             if error.code in ("unknown_model", "model_not_found") and "upstream_status" not in error.details:
                 return BadQuestion(error.reason, code="unknown_model", details={**details, **error.details})
             if error.status == 504:

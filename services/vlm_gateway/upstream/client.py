@@ -4,7 +4,6 @@ that such servers and the proxies in front of them really send. Typed questions 
 import asyncio
 import logging
 import re
-import ssl
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, NamedTuple, TypeVar
 from urllib.parse import urlsplit
@@ -13,13 +12,17 @@ from pydantic_core import to_json
 
 from contracts.vlm_gateway import Tokens
 from services.vlm_gateway.admission import Admission
+from services.vlm_gateway.breaker import State
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelError, ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.keys import asking
 from services.vlm_gateway.upstream import health
 from services.vlm_gateway.upstream.accepted import accepted
+from services.vlm_gateway.upstream.attempt import Attempt, Request
+from services.vlm_gateway.upstream.choice import EndpointChoice, Mark
+from services.vlm_gateway.upstream.endpoint import Endpoint
 from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Stream
-from services.vlm_gateway.upstream.pool import Pool, Server
+from services.vlm_gateway.upstream.probing import Prober
 from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said, said_in
 from services.vlm_gateway.upstream.retries import RetryBudget, loading_pause_s, retry_pause_s
 from services.vlm_gateway.upstream.stream import ChatStream, late
@@ -28,6 +31,7 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 _COUNTING = re.compile(r"stream_options|include_usage")
 MAX_REPLY_BYTES = 8 * 1024 * 1024
+CHATS = "/chat/completions"
 
 
 class Call(NamedTuple):
@@ -66,25 +70,15 @@ class Upstream:
         self.fallbacks = model.config.fallbacks
         self.fallback_after = frozenset(model.config.fallback_after)
         self.admission = Admission(model.alias, model.config.concurrency, model.config.queue)
-        self.health = health.ServerHealth()
+        self.endpoints = tuple(Endpoint(server, model, key) for server in model.servers)
+        self.choice = EndpointChoice(self.endpoints, affinity=model.config.affinity)
+        watched = self.endpoints if len(self.endpoints) > 1 else ()
+        self._prober = Prober(watched, model.config.health_check_s, min(5.0, model.config.connect_timeout_s))
         self.budget = RetryBudget()
         self._timeout_s = model.config.timeout_s
         self._retried = retried
         self._replies = ReplyReader(model.alias, key)
-        url = urlsplit(model.base_url)
-        secure = url.scheme == "https"
-        host, port = url.hostname or "", url.port or (443 if secure else 80)
-        tls = ssl.create_default_context() if secure else None
-        self._pool = Pool(
-            Server(host, port, tls),
-            connect_timeout_s=model.config.connect_timeout_s,
-            resend_unanswered=model.config.resend_unanswered,
-        )
         self._again = ("connect", "not_sent", "no_reply") if model.config.resend_unanswered else ("connect", "not_sent")
-        self._chats = url.path + "/chat/completions"
-        lines = [" HTTP/1.1", f"host: {url.netloc}", "content-type: application/json", "user-agent: logisticsvln"]
-        lines += [f"authorization: Bearer {key}"] if key else []
-        self._head = "\r\n".join([*lines, "content-length: "]).encode()
 
     @property
     def fingerprint(self) -> list[object]:
@@ -92,8 +86,16 @@ class Upstream:
         config = self.model.config
         return [config.model, config.revision, config.extra, self.accepts.fingerprint]
 
+    @property
+    def state(self) -> State:
+        """Of the breakers: closed where one server at least may be asked."""
+        states = {endpoint.health.state for endpoint in self.endpoints if not endpoint.drained}
+        return next(state for state in ("closed", "half_open", "open") if state in states)
+
     async def close(self) -> None:
-        self._pool.close()
+        await self._prober.close()
+        for endpoint in self.endpoints:
+            endpoint.pool.close()
 
     def no_choice(self) -> ModelUnreachable:
         """The error of a reply without a choice."""
@@ -112,24 +114,27 @@ class Upstream:
         ModelUnreachable, ModelTimeout, ModelOverloaded or ModelRejected."""
         attempts = 0
 
-        async def once(request: list[Buffer], deadline: float) -> Completion:
+        async def once(attempt: Attempt) -> Completion:
             nonlocal attempts
             attempts += 1
-            body, said = await self._whole(request, deadline, call.api)
+            body, said = await self._whole(attempt, call.api)
             tokens = Tokens(prompt=said.tokens.prompt, completion=said.tokens.completion)
             return Completion(body, said.message, said.finish_reason, tokens, attempts)
 
-        return await self._admitted(self._request(urlsplit(call.url).path, [call.body], None), once, patient=True)
+        wanted = Request(urlsplit(call.url).path, [call.body], None, at_root=True)
+        return await self._admitted(wanted, once, patient=True)
 
-    async def whole(self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None]) -> Answer:
+    async def whole(
+        self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None], route: str = CHATS
+    ) -> Answer:
         """One whole reply to a chat in OpenAI's form; `sending` is told when the server is about to be asked. Raises as
         `ask` does."""
 
-        async def once(request: list[Buffer], deadline: float) -> Answer:
+        async def once(attempt: Attempt) -> Answer:
             sending()
-            return await self._whole(request, deadline)
+            return await self._whole(attempt)
 
-        return await self._admitted(self._request(self._chats, body, trace), once)
+        return await self._admitted(Request(route, body, trace), once)
 
     async def stream(
         self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None], *, without_usage: bool
@@ -137,23 +142,15 @@ class Upstream:
         """The reply once there is something in it for the caller; its place is held until that is closed. Raises as
         `ask` does."""
 
-        async def once(request: list[Buffer], deadline: float) -> ChatStream:
+        async def once(attempt: Attempt) -> ChatStream:
             sending()
-            return await self._stream(request, deadline, without_usage)
+            return await self._stream(attempt, without_usage)
 
-        stream = await self._admitted(self._request(self._chats, body, trace), once, keep=True)
-        stream.hold(self.admission)
-        return stream
+        return await self._admitted(Request(CHATS, body, trace), once)
 
-    async def _admitted(
-        self,
-        request: list[Buffer],
-        once: Callable[[list[Buffer], float], Awaitable[T]],
-        *,
-        patient: bool = False,
-        keep: bool = False,
-    ) -> T:
-        """`once`, with a place of the model's and as often as it takes; the place is kept where asked for."""
+    async def _admitted(self, wanted: Request, once: Callable[[Attempt], Awaitable[T]], *, patient: bool = False) -> T:
+        """`once`, with a place of the model's and as often as it takes; a stream keeps its place until it is closed."""
+        self._prober.start()
         deadline = asyncio.get_running_loop().time() + self._timeout_s
         try:
             await self.admission.enter(deadline)
@@ -161,35 +158,34 @@ class Upstream:
             raise late(self.alias, self._timeout_s) from None
         left = False
         try:
-            result = await self._with_retries(request, once, deadline, patient)
-            left = keep
+            result = await self._with_retries(wanted, once, deadline, patient)
+            if isinstance(result, ChatStream):
+                left = True
+                result.on_close(self.admission.leave)
             return result
         finally:
             if not left:
                 self.admission.leave()
 
-    def _request(self, path: str, body: Sequence[Buffer], trace: bytes | None) -> list[Buffer]:
-        head = b"POST " + path.encode() + self._head + str(sum(map(len, body))).encode()
-        if trace is not None:
-            head += b"\r\ntraceparent: " + trace
-        return [head + b"\r\n\r\n", *body]
-
     async def _with_retries(
-        self,
-        request: list[Buffer],
-        once: Callable[[list[Buffer], float], Awaitable[T]],
-        deadline: float,
-        patient: bool,
+        self, wanted: Request, once: Callable[[Attempt], Awaitable[T]], deadline: float, patient: bool
     ) -> T:
         self.budget.asked()
-        attempt = again = 0
+        count = again = 0
+        marks = self.choice.marks(wanted.body)
+        tried: set[Endpoint] = set()
         while True:
-            attempt += 1
+            count += 1
+            attempt = self._attempt(wanted, marks, tried, deadline)
+            tried.add(attempt.endpoint)
             try:
-                return await once(request, deadline)
+                return await attempt.made(once)
             except (ModelUnreachable, ModelOverloaded) as error:
                 if patient and error.details.get("reason") == "loading":
-                    pause_s: float | None = loading_pause_s(error, attempt)
+                    pause_s: float | None = loading_pause_s(error, count)
+                elif self._may_ask_another(error, tried):
+                    self._retried(error.code)
+                    continue
                 elif again < self.model.config.retries and self.budget.left >= 1.0:
                     again += 1
                     pause_s = retry_pause_s(error, again, self._again)
@@ -201,10 +197,28 @@ class Upstream:
                 self._retried(error.code)
             await asyncio.sleep(pause_s)
 
-    async def _whole(self, request: list[Buffer], deadline: float, api: Api = "openai") -> Answer:
-        with self._call() as call:
+    def _may_ask_another(self, error: ModelError, tried: set[Endpoint]) -> bool:
+        """Whether another server is there for what this one did not take: it was never read, or it is busy."""
+        reason = error.details.get("reason")
+        untaken = isinstance(error, ModelOverloaded) or reason in self._again or reason == "loading"
+        return untaken and self.choice.has_other(asking.get().name, tried)
+
+    def _attempt(self, wanted: Request, marks: Sequence[Mark], tried: set[Endpoint], deadline: float) -> Attempt:
+        """Raises ModelUnreachable where no server is to be asked."""
+        caller = asking.get().name
+        endpoint = self.choice.pick(caller, marks, tried)
+        if endpoint is not None:
+            return Attempt(wanted, endpoint, endpoint.health.call(caller), deadline)
+        wait_s = min(e.health.wait_s(caller) for e in self.endpoints)
+        message = f"model {self.alias!r} did not answer several times in a row; it is tried again in {wait_s:.1f} s"
+        details: dict[str, object] = {"model": self.alias, "reason": "breaker_open"}
+        raise ModelUnreachable(message, details=details, headers={"Retry-After": "2"})
+
+    async def _whole(self, attempt: Attempt, api: Api = "openai") -> Answer:
+        with attempt.call as call:
             try:
-                status, headers, body = await self._pool.whole(request, deadline, MAX_REPLY_BYTES)
+                pool = attempt.endpoint.pool
+                status, headers, body = await pool.whole(attempt.request(), attempt.deadline, MAX_REPLY_BYTES)
             except BrokenReply as broken:
                 raise self._broken(broken, call) from None
             told = said_in(headers)
@@ -218,12 +232,12 @@ class Upstream:
             call.succeeded()
             return Answer(self._replies.masked(body), said)
 
-    async def _stream(self, request: list[Buffer], deadline: float, without_usage: bool) -> ChatStream:
-        call = self._call()
+    async def _stream(self, attempt: Attempt, without_usage: bool) -> ChatStream:
+        call, deadline = attempt.call, attempt.deadline
         opened: Stream | ChatStream | None = None
         begun = False
         try:
-            stream = opened = await self._pool.stream(request, deadline)
+            stream = opened = await attempt.endpoint.pool.stream(attempt.request(), deadline)
             told = said_in(stream.headers)
             if stream.status != 200 or not told["Content-Type"].startswith("text/event-stream"):
                 raise self._no_stream(stream.status, await stream.rest(deadline, MAX_REPLY_BYTES), told)
@@ -259,16 +273,6 @@ class Upstream:
         except ModelError as error:
             return error
         return self._replies.unreachable("it answers a stream with a single reply", "no_stream")
-
-    def _call(self) -> health.Call:
-        """A call to the server, where it is to be asked at all. Raises ModelUnreachable."""
-        caller = asking.get().name
-        if self.health.allow(caller):
-            return self.health.call(caller)
-        wait_s = self.health.wait_s(caller)
-        message = f"model {self.alias!r} did not answer several times in a row; it is tried again in {wait_s:.1f} s"
-        details: dict[str, object] = {"model": self.alias, "reason": "breaker_open"}
-        raise ModelUnreachable(message, details=details, headers={"Retry-After": "2"})
 
     def _broken(self, broken: BrokenReply, call: health.Call) -> ModelError:
         call.failed("server" if broken.reason in ("connect", "not_sent") else "request")

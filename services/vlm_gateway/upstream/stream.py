@@ -6,8 +6,8 @@ event by event, as the server wrote them.
 """
 
 import asyncio
+from collections.abc import Callable
 
-from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.errors import ModelError, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.upstream import health
 from services.vlm_gateway.upstream.events import MAX_EVENT_BYTES, ChatReader, EventSplitter, EventTooLarge
@@ -52,7 +52,7 @@ class ChatStream:
         self._failure: ModelError | None = None
         self._due = 0.0
         self._has_data = False
-        self._admission: Admission | None = None
+        self._releases: list[Callable[[], None]] = []
 
     async def begin(self, deadline: float) -> None:
         """Until the first event with content, or the end of an answer without any. Raises ModelError: what the stream
@@ -82,17 +82,17 @@ class ChatStream:
             raise self._failure
         return b""
 
-    def hold(self, admission: Admission) -> None:
-        """Give this place back on `close`."""
-        self._admission = admission
+    def on_close(self, release: Callable[[], None]) -> None:
+        """What to give back when this is closed."""
+        self._releases.append(release)
 
     def close(self) -> None:
         """Break off what is left, or give back what is through."""
         self._stream.close()
         self._call.close()
-        if self._admission is not None:
-            self._admission.leave()
-            self._admission = None
+        releases, self._releases = self._releases, []
+        for release in releases:
+            release()
 
     async def _more(self) -> None:
         """What comes next on the connection, read into `_ready`, `_over` or `_failure`."""

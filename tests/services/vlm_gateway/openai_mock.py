@@ -19,11 +19,12 @@ Behaviour = Callable[[web.Request, dict[str, Any]], Awaitable[web.StreamResponse
 
 
 class Asked(NamedTuple):
-    """One request: when it came (monotonic seconds), its parsed body and its headers."""
+    """One request: when it came (monotonic seconds), its parsed body, its headers, its path with the query."""
 
     at_s: float
     body: dict[str, Any]
     headers: dict[str, str]
+    target: str = ""
 
 
 def completion(content: object, **message: Any) -> dict[str, Any]:
@@ -128,14 +129,14 @@ def streams(*words: str, done: bool = True, pause_s: float = 0.0, cut: bool = Fa
 class OpenAiMock:
     """Runs in a thread of its own between `start` and `stop`."""
 
-    def __init__(self) -> None:
+    def __init__(self, port: int = 0) -> None:
         self.asked: list[Asked] = []
         self.broken_off = 0
         self._behaviours: deque[Behaviour] = deque([says("hello")])
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
         self._runner: web.AppRunner | None = None
-        self.port = 0
+        self.port = port
 
     @property
     def url(self) -> str:
@@ -167,13 +168,13 @@ class OpenAiMock:
         app.router.add_post("/v1/chat/completions", self._answer)
         self._runner = web.AppRunner(app, shutdown_timeout=0.2, handler_cancellation=True)
         await self._runner.setup()
-        site = web.TCPSite(self._runner, "127.0.0.1", 0)
+        site = web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True)
         await site.start()
         self.port = self._runner.addresses[0][1]
 
     async def _answer(self, request: web.Request) -> web.StreamResponse:
         body = json.loads(await request.read())
-        self.asked.append(Asked(time.monotonic(), body, dict(request.headers)))
+        self.asked.append(Asked(time.monotonic(), body, dict(request.headers), request.raw_path))
         behave = self._behaviours.popleft() if len(self._behaviours) > 1 else self._behaviours[0]
         try:
             return await behave(request, body)
