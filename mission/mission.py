@@ -5,9 +5,9 @@ every free constant.
 """
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable
-from dataclasses import replace
 
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from mission.advance import run
@@ -22,6 +22,7 @@ from mission.step import MissionContext, Step
 log = logging.getLogger("mission")
 
 RELEASE_DEADLINE_S = 5.0
+STATE_DEADLINE_S = 2.0
 
 Keep = Callable[[MissionState], None]
 """Is told each state as soon as it is reached."""
@@ -69,8 +70,11 @@ class Mission:
         except Exception as error:
             log.exception("a mission broke off")
             end = Ended(outcome="failed", message=f"an unexpected {type(error).__name__} during {step.state.phase}")
-        self._context = replace(step.context)
-        return step.state.model_copy(update={"stage": end, "flight": None})
+        self._context = step.context
+        if step.state.flight is not None:
+            await _look_where_it_stopped(step)
+        step.update(stage=end, flight=None)
+        return step.state
 
     async def _release(self, state: MissionState) -> None:
         if state.vehicle is None:
@@ -82,6 +86,15 @@ class Mission:
                     await context.drone.vehicle.release()
         except (PortError, TimeoutError) as error:
             log.warning("the drone %s could not be given back: %s", state.vehicle, error)
+
+
+async def _look_where_it_stopped(step: Step) -> None:
+    """Of a flight that was broken off on its way; what is known of the drone stays where it does not answer."""
+    if step.context.drone is None:
+        return
+    with contextlib.suppress(PortError, TimeoutError):
+        async with asyncio.timeout(STATE_DEADLINE_S):
+            step.update(drone=await step.context.drone.vehicle.state())
 
 
 def _outcome_of(error: PortError) -> OutcomeName:
