@@ -10,7 +10,8 @@ from contracts.events import Event, LookEvent
 from contracts.geometry import Point3
 from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.policies import completed
-from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events
+from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events, read_state
+from mission.state import begin
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import draw_summary
 from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
@@ -96,3 +97,45 @@ def test_a_result_of_the_first_version_still_reads(tmp_path: Path) -> None:
     assert delivery is not None
     assert delivery.result is not None
     assert (delivery.result.outcome, delivery.result.steps) == (told["data"]["outcome"], told["data"]["steps"])
+
+
+def test_a_record_that_was_left_is_reopened_at_its_last_whole_event(tmp_path: Path) -> None:
+    left = record_in(tmp_path / "d")
+    left.write(1, "parse", "one", NoData())
+    left.write(2, "parse", "two", NoData())
+    left.close()
+    path = tmp_path / "d" / "events.jsonl"
+    path.write_bytes(path.read_bytes() + b'{"number":3,"time_s":1.0,"pha')
+    heard: list[int] = []
+    record = Record.reopened(tmp_path / "d", listener=lambda event: heard.append(event.number))
+    for number in (2, 3):  # the step that was cut off is done again
+        record.write(number, "parse", f"again {number}", NoData())
+    with pytest.raises(ValueError, match="event 5 can't follow event 3"):
+        record.write(5, "parse", "a gap", NoData())
+    record.close()
+    events = read_events(tmp_path / "d")
+    assert [(e.number, e.message) for e in events] == [(1, "one"), (2, "two"), (3, "again 3")]
+    assert heard == [3]
+    assert events[2].time_s >= events[1].time_s
+
+
+def test_only_a_record_can_be_reopened(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        Record.reopened(tmp_path)
+    (tmp_path / "delivery.json").write_text("{}")
+    with pytest.raises(ValueError, match="Field required"):
+        Record.reopened(tmp_path)
+    assert not (tmp_path / "events.jsonl").exists()
+
+
+def test_a_state_is_read_as_it_was_kept_and_one_of_another_version_is_refused(tmp_path: Path) -> None:
+    assert read_state(tmp_path) is None
+    record = record_in(tmp_path / "d")
+    state = begin("floor 4, the green flower pot")
+    record.keep(state)
+    record.close()
+    assert read_state(tmp_path / "d") == state
+    path = tmp_path / "d" / "state.json"
+    path.write_text(path.read_text().replace('"version":1', '"version":2'))
+    with pytest.raises(ValueError, match="version"):
+        read_state(tmp_path / "d")
