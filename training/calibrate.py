@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from services.vlm_gateway.embedded.exported import Calibration
 from services.vlm_gateway.embedded.floors import rows_in
 from training.crop_store import overlap_matrix
-from training.judge import RIGHT, Look, fair
+from training.judge import RIGHT, SeenPicture, fair
 
 WRONG_WEIGHS = 3.0
 """A parcel at a wrong window is worse than one brought back, and a thing that is not claimed is mostly seen again."""
@@ -40,9 +40,9 @@ class Sighting(NamedTuple):
     fair: bool
 
 
-def sightings(all_looks: Iterable[Look]) -> list[Sighting]:
+def sightings(all_looks: Iterable[SeenPicture]) -> list[Sighting]:
     """For each street every (class, colour) that stands there anywhere, in each of its pictures."""
-    streets: dict[int, list[Look]] = defaultdict(list)
+    streets: dict[int, list[SeenPicture]] = defaultdict(list)
     for look in all_looks:
         streets[look.seed].append(look)
     found = []
@@ -54,7 +54,7 @@ def sightings(all_looks: Iterable[Look]) -> list[Sighting]:
     return found
 
 
-def _ask(view: Look, question: tuple[int, int, int]) -> Sighting:
+def _ask(view: SeenPicture, question: tuple[int, int, int]) -> Sighting:
     _, kind, colour = question
     mine = (view.things["kind"] == kind) & (view.things["colour"] == colour)
     good = bool((mine & fair(view.things)).any())
@@ -139,7 +139,7 @@ def claim_score(found: Sequence[Sighting]) -> float:
     return next(score for score, w in zip(scores, worth, strict=True) if w >= enough)
 
 
-def row_threshold(all_looks: Iterable[Look]) -> float:
+def row_threshold(all_looks: Iterable[SeenPicture]) -> float:
     """The one of ROWS that counts most square pictures exactly, its neighbours taken into account; the middle one of
     equals. Raises ValueError without square pictures."""
     square = [look for look in all_looks if look.frontal]

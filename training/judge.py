@@ -24,7 +24,7 @@ FAIR_SHARE, FAIR_PIXELS, FAIR_M = 0.6, 200, 10.0
 """What should be found: so much of it seen, so large, so near."""
 
 
-class Look(NamedTuple):
+class SeenPicture(NamedTuple):
     """One picture as the pair sees it. boxes, tight (P, 4) pixels; kind (P, C + 1), colour (P, K) shares; true_kind,
     true_colour the same for crops of the things' own boxes; row_profile (h,) of window rows at the picture's middle,
     rows_true how many there are."""
@@ -43,7 +43,7 @@ class Look(NamedTuple):
     box_overlap: float
 
 
-def looks(paths: Iterable[Path], networks: Networks, model: Exported) -> Iterator[Look]:
+def looks(paths: Iterable[Path], networks: Networks, model: Exported) -> Iterator[SeenPicture]:
     """Every picture of the shards."""
     for path in paths:
         shard = read(path)
@@ -69,7 +69,7 @@ def looks(paths: Iterable[Path], networks: Networks, model: Exported) -> Iterato
                 likely=_TRUE_ROW,
                 inside=model.building,
             )
-            yield Look(
+            yield SeenPicture(
                 shard.seed,
                 bool(shard.frontal[view]),
                 things,
@@ -116,7 +116,7 @@ def fair(things: NDArray[np.void]) -> NDArray[np.bool_]:
     )
 
 
-def figures(all_looks: Iterable[Look], row: float) -> dict[str, float]:
+def figures(all_looks: Iterable[SeenPicture], row: float) -> dict[str, float]:
     """Shares over all pictures: proposals, names on true boxes, floors on square pictures (rows of at least `row`), the
     building's box."""
     proposed, overlap, named, painted, both = [], [], [], [], []

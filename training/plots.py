@@ -14,7 +14,7 @@ from matplotlib import pyplot as plt
 from services.vlm_gateway.embedded.exported import Calibration
 from training.calibrate import LEAST, Sighting
 from training.crop_store import overlap_matrix
-from training.judge import RIGHT, Look
+from training.judge import RIGHT, SeenPicture
 
 _INK, _SECOND, _THIRD = "#1f3b57", "#c8553d", "#5b8e7d"
 
@@ -72,7 +72,7 @@ def calibration_curve(found: Sequence[Sighting], calibration: Calibration, out: 
     plt.close(figure)
 
 
-def recall_curves(looks: Sequence[Look], out: Path) -> None:
+def recall_curves(looks: Sequence[SeenPicture], out: Path) -> None:
     """Shares of things proposed, and named rightly in their own box, over distance, pixels seen and share seen."""
     rows = []
     for look in looks:

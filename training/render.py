@@ -20,7 +20,7 @@ from services.sim.render.gl import GlRenderer
 from training.labels import Labeller, Labels
 from training.looks import varied
 from training.shards import shard_path, write
-from training.stops import Look, looks
+from training.stops import CameraPose, looks
 from training.streets import Street, street
 
 FIT_SEEDS = range(90_000)
@@ -56,7 +56,7 @@ class Studio:
     def shoot(
         self,
         place: Street,
-        views: Sequence[Look],
+        views: Sequence[CameraPose],
         rng: np.random.Generator,
         *,
         held_out: bool = False,

@@ -17,7 +17,7 @@ _SQUARE_M = (7.5, 10.5)
 _TURNS = 30
 
 
-class Look(NamedTuple):
+class CameraPose(NamedTuple):
     """One picture: from where, and towards which heading. `frontal`: squarely at a wall, as when floors are counted."""
 
     pose: Pose
@@ -25,13 +25,13 @@ class Look(NamedTuple):
     frontal: bool
 
 
-def looks(street: Street, stops: int, frontal: int, rng: np.random.Generator) -> list[Look]:
+def looks(street: Street, stops: int, frontal: int, rng: np.random.Generator) -> list[CameraPose]:
     """Views from `stops` places before the street's walls (up to three each), and `frontal` square ones."""
-    found: list[Look] = []
+    found: list[CameraPose] = []
     for number in range(stops):
         pose = _stop(street, street.walls[0] if number % 2 == 0 else int(rng.choice(street.walls)), rng)
         if pose is not None:
-            found += [Look(pose, h, False) for h in _headings(street, pose, rng)]
+            found += [CameraPose(pose, h, False) for h in _headings(street, pose, rng)]
     return found + [_square(street, rng) for _ in range(frontal)]
 
 
@@ -83,7 +83,7 @@ def _beside(wall: object, pose: Pose) -> float:
     return float(max(0.0, -t, t - length))
 
 
-def _square(street: Street, rng: np.random.Generator) -> Look:
+def _square(street: Street, rng: np.random.Generator) -> CameraPose:
     """Squarely before a wall, at a band's middle or at any height: where floors are counted."""
     target = street.scene.building(street.scene.target)
     outline = floor_outline(target, 1)
@@ -101,4 +101,4 @@ def _square(street: Street, rng: np.random.Generator) -> Look:
     if rng.random() < 0.5:
         z = float(np.clip((street.floor - 0.5) * target.floor_height_m + rng.uniform(-4.0, 4.0), 1.2, height + 2.0))
     yaw = math.atan2(-wall.normal[1], -wall.normal[0]) + float(rng.normal(0.0, 0.03))
-    return Look(Pose(x=x, y=y, z=z, yaw=yaw), 0, True)
+    return CameraPose(Pose(x=x, y=y, z=z, yaw=yaw), 0, True)

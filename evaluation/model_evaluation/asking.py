@@ -20,7 +20,7 @@ from contracts.vlm_gateway import (
     Outcome,
     View,
 )
-from evaluation.model_evaluation.cases import Case, Front, Look
+from evaluation.model_evaluation.cases import Case, Front, RenderedLook
 from evaluation.model_evaluation.questions import Role, questions
 from mission.ports import ModelUnreachable, Vision
 
@@ -94,7 +94,7 @@ class Asker:
                 told(done)
         return Answers(model=self.model, sought=tuple(sought), counted=tuple(counted), unreachable=self._unreachable)
 
-    async def _look(self, case: Case, number: int, look: Look) -> list[Sought]:
+    async def _look(self, case: Case, number: int, look: RenderedLook) -> list[Sought]:
         views = tuple(
             View(camera=camera, image=self._picture(name))
             for camera, name in zip(look.cameras, look.pictures, strict=True)

@@ -29,7 +29,7 @@ CASES_FILE, CATALOGUE_FILE = "cases.jsonl", "catalogue.json"
 SIZE = 800
 
 
-class Look(Wire):
+class RenderedLook(Wire):
     """All views of one moment. `pictures` and `truth` in the order of `cameras`."""
 
     where: Literal["lap", "far", "near"]
@@ -67,7 +67,7 @@ class Case(Wire):
     sky: str
     exposure: float
     strange: bool
-    looks: tuple[Look, ...]
+    looks: tuple[RenderedLook, ...]
     fronts: tuple[Front, ...]
 
 

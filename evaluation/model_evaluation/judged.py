@@ -7,7 +7,7 @@ from contracts.orchestrator import SightingSettings
 from contracts.sim import VisibleObject
 from contracts.vlm_gateway import Match
 from evaluation.model_evaluation.asking import Answers, Sought
-from evaluation.model_evaluation.cases import Case, Look
+from evaluation.model_evaluation.cases import Case, RenderedLook
 from evaluation.model_evaluation.questions import CLEAR_PIXELS, CLEAR_SHARE, Thing, is_clear
 from evaluation.subtasks.recognition import meets
 
@@ -17,7 +17,7 @@ class Judged(NamedTuple):
     first sight, `candidates` are worth a nearer look as well; both surest first."""
 
     case: Case
-    look: Look
+    look: RenderedLook
     asked: Sought
     shown: tuple[VisibleObject, ...]
     claims: tuple[Match, ...]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from contracts.sim import VisibleObject
 from evaluation.model_evaluation.asking import Answers
-from evaluation.model_evaluation.cases import Case, Look
+from evaluation.model_evaluation.cases import Case, RenderedLook
 from evaluation.model_evaluation.drawing import Tile
 from evaluation.model_evaluation.judged import Judged
 from evaluation.subtasks.recognition import meets
@@ -93,9 +93,9 @@ def _asked(j: Judged) -> tuple[str | None, str | None]:
     return j.asked.kind, j.asked.colour
 
 
-def _in_view(look: Look, camera: str) -> tuple[VisibleObject, ...]:
+def _in_view(look: RenderedLook, camera: str) -> tuple[VisibleObject, ...]:
     return next((view.objects for view in look.truth if view.camera == camera), ())
 
 
-def _picture(look: Look, camera: str) -> str:
+def _picture(look: RenderedLook, camera: str) -> str:
     return next(picture for c, picture in zip(look.cameras, look.pictures, strict=True) if c.name == camera)

@@ -20,7 +20,7 @@ from evaluation.model_evaluation.cases import (
     STRANGE_SEED,
     Case,
     Front,
-    Look,
+    RenderedLook,
     Street,
     read_cases,
     street,
@@ -97,7 +97,7 @@ def _rendered(seed: int, catalogue: Catalogue, folder: Path, simulator: SimClien
     )
 
 
-def _looks(seed: int, shown: Street, stage: Stage, folder: Path, rng: np.random.Generator) -> list[Look]:
+def _looks(seed: int, shown: Street, stage: Stage, folder: Path, rng: np.random.Generator) -> list[RenderedLook]:
     """On the lap, then before the goal from afar and from near: the order in which a mission meets them."""
     stops = [("lap", stop) for stop in on_lap(shown, 1, rng)]
     stops += [("far", stop) for stop in before_goal(shown, 1, rng, FAR_M)]
@@ -112,7 +112,7 @@ def _looks(seed: int, shown: Street, stage: Stage, folder: Path, rng: np.random.
         for name, view in zip(names, seen.views, strict=True):
             (folder / name).write_bytes(jpeg_bytes(view.image))
         looks.append(
-            Look.model_validate(
+            RenderedLook.model_validate(
                 {"where": where, "pose": seen.pose, "cameras": cameras, "pictures": names, "truth": truth}
             )
         )

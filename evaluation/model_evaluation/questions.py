@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from contracts.sim import Catalogue, CatalogueEntry, VisibleObject
-from evaluation.model_evaluation.cases import Case, Look
+from evaluation.model_evaluation.cases import Case, RenderedLook
 from evaluation.task_set.requests import noun_phrase
 
 Role = Literal["goal", "seen", "twin", "namesake", "unknown"]
@@ -88,7 +88,7 @@ def questions(case: Case, number: int, catalogue: Catalogue) -> list[Asked]:
     return asked
 
 
-def visible(look: Look) -> dict[Thing, list[VisibleObject]]:
+def visible(look: RenderedLook) -> dict[Thing, list[VisibleObject]]:
     """All that shows at all, with each view of it that has some pixels, in a fixed order."""
     found: dict[Thing, list[VisibleObject]] = {}
     for view in look.truth:

@@ -28,7 +28,7 @@ DECOYS = ("same thing", "same class", "same colour", "neither")
 Shows = Literal["shown", "covered", "faint", "absent"]
 
 
-class Look(NamedTuple):
+class JudgedLook(NamedTuple):
     """One question: what the goal is, what the views show, what the model claims to see (null: no readable answer)."""
 
     kind: str
@@ -43,7 +43,7 @@ def claimed(answer: FindObjectAnswer, settings: SightingSettings) -> tuple[Match
     return tuple(match for match in answer.matches if match.confidence >= (wanted or 0.0))
 
 
-def score(looks: Sequence[Look]) -> Figures:
+def score(looks: Sequence[JudgedLook]) -> Figures:
     """`recall`: the goal is among the matches; `recall_first`: it is the most confident one; `false_claim`: anything
     is claimed though the goal is absent. Without looks every rate is 0 of 0.
 
@@ -77,7 +77,7 @@ def score(looks: Sequence[Look]) -> Figures:
     )
 
 
-def shows(look: Look) -> Shows:
+def shows(look: JudgedLook) -> Shows:
     """How the goal shows in a look; see the module's table."""
     goals = _goals(look)
     if not goals:
@@ -88,14 +88,14 @@ def shows(look: Look) -> Shows:
     return "shown" if any(goal.share >= MIN_SHARE for goal in near) else "covered"
 
 
-def found(look: Look, *, first: bool = False) -> bool:
+def found(look: JudgedLook, *, first: bool = False) -> bool:
     """Some match (or the first) has its middle in the goal's box, grown by a quarter on each side, in its view."""
     boxes = {view.camera: thing.box for view in look.views for thing in view.objects if thing.goal}
     matches = list(look.matches or ())[: 1 if first else None]
     return any(match.camera in boxes and meets(match.box, boxes[match.camera]) for match in matches)
 
 
-def decoys(look: Look) -> list[str]:
+def decoys(look: JudgedLook) -> list[str]:
     """Which of DECOYS a look counts as, by what else shows clearly in it."""
     others = {
         (thing.kind, thing.colour)
@@ -109,11 +109,11 @@ def decoys(look: Look) -> list[str]:
     return [name for name, flags in zip(("same class", "same colour"), like, strict=True) if any(flags)] or ["neither"]
 
 
-def _goals(look: Look) -> list[VisibleObject]:
+def _goals(look: JudgedLook) -> list[VisibleObject]:
     return [thing for view in look.views for thing in view.objects if thing.goal]
 
 
-def _best(look: Look) -> VisibleObject:
+def _best(look: JudgedLook) -> VisibleObject:
     """The goal in the view that shows most of it."""
     return max(_goals(look), key=lambda goal: (goal.share >= MIN_SHARE, goal.pixels))
 

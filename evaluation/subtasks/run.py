@@ -71,7 +71,7 @@ class Asked(Wire):
     task: Name
     parsed: tuple[parse.Parsed, ...] = ()
     counts: tuple[floors.Count, ...] = ()
-    looks: tuple[recognition.Look, ...] = ()
+    looks: tuple[recognition.JudgedLook, ...] = ()
     choices: tuple[choice.Choice, ...] = ()
     skipped: int = 0
     model: str | None = None
@@ -162,7 +162,7 @@ class Examiner:
                     counts.append(floors.Count(truth, answer.floors if answer else None, task.building_kind))
         return tuple(counts)
 
-    async def _looks(self, task: Task) -> tuple[recognition.Look, ...]:
+    async def _looks(self, task: Task) -> tuple[recognition.JudgedLook, ...]:
         rng = self._rng(task)
         before = before_goal(task, (self._plan.stops + 1) // 2, rng)
         looks = []
@@ -178,7 +178,7 @@ class Examiner:
                 with contextlib.suppress(ModelUnreachable):
                     answer = await self._ask("recognition", self._ports.vision.find_object(question))
                     matches = recognition.claimed(answer, self._plan.settings.sightings) if answer else None
-                    looks.append(recognition.Look(task.object_kind, task.object_colour, truth, matches))
+                    looks.append(recognition.JudgedLook(task.object_kind, task.object_colour, truth, matches))
         return tuple(looks)
 
     async def _choices(self, task: Task) -> tuple[choice.Choice, ...]:

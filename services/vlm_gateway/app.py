@@ -30,6 +30,7 @@ from service_kit.errors import BadQuestion, NotFound, ServiceError
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins
+from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
 from services.vlm_gateway.gateway import Gateway
@@ -41,6 +42,8 @@ from services.vlm_gateway.hot.server import PATH
 from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.question_extensions import TypedQuestion
+from services.vlm_gateway.reloading import Reloader
+from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.report import report
 
 T = TypeVar("T")
@@ -54,6 +57,7 @@ def build_app(
     log_share: float = 0.0,
     limits: ChatLimits = NO_LIMITS_SET,
     origins: Origins | None = None,
+    reloader: Reloader | None = None,
 ) -> Frontend:
     """The service over a wired `gateway`: the framework's app behind the frontend for chats. Its cache is started and
     everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
@@ -61,9 +65,8 @@ def build_app(
     started_at = time.time()
     pages = origins or Origins()
     cache = gateway.cache
-    chats = {alias: backend for alias, backend in gateway.backends.items() if isinstance(backend, ChatBackend)}
     passed_on = Models(
-        {alias: chat.upstream for alias, chat in chats.items()},
+        chat_targets(gateway.backends),
         gateway.roles.get("parser"),
         cache,
         gateway.metrics,
@@ -76,9 +79,13 @@ def build_app(
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         if cache is not None:
             await cache.start()
+        if reloader is not None:
+            reloader.start()
         try:
             yield
         finally:
+            if reloader is not None:
+                await reloader.close()
             for backend in gateway.backends.values():
                 await backend.close()
             log.flush()
@@ -98,7 +105,7 @@ def build_app(
         lifespan=lifespan,
     )
     app.router.route_class = JsonRoute
-    gateway.metrics.watch(lambda: _gauges(chats))
+    gateway.metrics.watch(lambda: _gauges(chat_targets(gateway.backends)))
 
     async def ask(question: Question, request: Request) -> Response:
         answer = await _within(request, gateway.answer(question))
@@ -157,7 +164,7 @@ def build_app(
         """The aliases that the caller may name, in OpenAI's form; `chat` says whether chat completions take them, and
         those come first: many clients take the first of the list."""
         mine = [alias for alias in gateway.backends if asking.get().may_ask(alias)]
-        mine.sort(key=lambda alias: (alias not in chats, alias))
+        mine.sort(key=lambda alias: (not isinstance(gateway.backends[alias], ChatBackend), alias))
         return {"object": "list", "data": [entry(alias) for alias in mine]}
 
     @app.get("/v1/models/{alias:path}")
@@ -179,12 +186,13 @@ def build_app(
             alias: {"backend": backend.kind, "model": backend.model, **backend.status()}
             for alias, backend in sorted(gateway.backends.items())
         }
+        configured = {"configuration": reloader.status()} if reloader is not None else {}
         cached: dict[str, object] = {"mode": "off"}
         if cache is not None:
             cached = {"mode": cache.mode, "place": cache.place, "state": cache.state}
         ledger = gateway.accounts.ledger
         spending = {"place": ledger.place, "state": ledger.state}
-        return {"models": models, "roles": dict(gateway.roles), "cache": cached, "usage": spending}
+        return {"models": models, "roles": dict(gateway.roles), "cache": cached, "usage": spending, **configured}
 
     return Frontend(
         app,
@@ -244,9 +252,13 @@ async def gone(receive: Receive) -> None:
         pass
 
 
-def _gauges(chats: Mapping[str, ChatBackend]) -> Iterable[Metric]:
+def chat_targets(backends: Mapping[str, Backend]) -> dict[str, Upstream]:
+    """The models that chats are passed on to, by alias."""
+    return {alias: backend.upstream for alias, backend in backends.items() if isinstance(backend, ChatBackend)}
+
+
+def _gauges(upstreams: Mapping[str, Upstream]) -> Iterable[Metric]:
     """How every chat model is doing just now."""
-    upstreams = {alias: backend.upstream for alias, backend in chats.items()}
     states = {"closed": 0.0, "half_open": 0.5, "open": 1.0}
     running = {alias: upstream.admission.running for alias, upstream in upstreams.items()}
     waiting = {alias: upstream.admission.waiting for alias, upstream in upstreams.items()}

@@ -6,10 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from contracts.vlm_gateway import Role
 from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins
 from service_kit.settings import BadSetting, revealed
-from services.vlm_gateway.app import build_app
+from services.vlm_gateway.app import build_app, chat_targets
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.extension import ExtensionModelConfig, build_extension
 from services.vlm_gateway.backends.lazy import LazyBackend
@@ -18,6 +19,7 @@ from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.opened import cache_of
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import (
+    ChatLimits,
     ChatModelConfig,
     EmbeddedModelConfig,
     ModelConfig,
@@ -32,6 +34,7 @@ from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.question_extensions import extension_questions
+from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.settings import GatewaySettings
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.accounts import Accounts, Price
@@ -39,38 +42,82 @@ from services.vlm_gateway.usage.ledger import Ledger
 from services.vlm_gateway.usage.opened import usage_store_of
 
 
+class Configured(NamedTuple):
+    """What the configuration file makes. `sources` are what each back end was made of: its table and its server's
+    key."""
+
+    backends: dict[str, Backend]
+    sources: dict[str, tuple[ModelConfig, str | None]]
+    roles: dict[Role, str]
+    keys: Keys
+    prices: dict[str, Price]
+    limits: ChatLimits
+
+
 def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend:
     """`environment` holds the keys that the configuration names by their variables. Raises BadSetting, naming what is
     wrong and what would be right."""
+    http = HttpMetrics()
+    figures = GatewayMetrics(http.registry)
+    now = configured(settings, environment, figures)
+    cache = _guarded_cache(settings, figures)
+    accounts = Accounts(Ledger(usage_store_of(settings), figures.usage_failed), now.prices, figures)
+    gateway = Gateway(now.backends, now.roles, cache, figures, accounts, extension_questions())
+    origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
+
+    def reload() -> list[Backend]:
+        nonlocal now
+        new = configured(settings, environment, figures, now)
+        gateway.adopt(new.backends, new.roles)
+        accounts.adopt(new.prices)
+        frontend.keys.adopt(new.keys)
+        frontend.models.adopt(chat_targets(new.backends), new.roles.get("parser"))
+        frontend.configured(new.limits)
+        retired = [backend for alias, backend in now.backends.items() if new.backends.get(alias) is not backend]
+        now = new
+        return retired
+
+    def files() -> list[Path]:
+        keys = [m.api_key_file for m, _ in now.sources.values() if isinstance(m, ChatModelConfig) and m.api_key_file]
+        return [path for path in (settings.gateway_config, *map(Path, keys)) if path is not None]
+
+    frontend = build_app(
+        gateway,
+        http,
+        keys=now.keys,
+        log_share=settings.request_log_share,
+        origins=origins,
+        limits=now.limits,
+        reloader=Reloader(reload, files) if settings.gateway_config is not None else None,
+    )
+    return frontend
+
+
+def configured(
+    settings: GatewaySettings,
+    environment: Mapping[str, str],
+    figures: GatewayMetrics,
+    before: Configured | None = None,
+) -> Configured:
+    """What the file says now; a back end whose table and key are as `before` is the one from before. Raises
+    BadSetting."""
     path, sim_url = settings.gateway_config, settings.oracle_sim_url
     config = load_config(path, oracle_allowed=sim_url is not None, noise=_noise(settings))
     where = str(path or "GATEWAY_CONFIG")
-    http = HttpMetrics()
-    figures = GatewayMetrics(http.registry)
-    # keys and cache before models: what is quick to find wrong is told quickly
-    keys = {
-        alias: api_key(alias, model, environment, where)
+    # keys before models: what is quick to find wrong is told quickly
+    sources = {
+        alias: (model, api_key(alias, model, environment, where) if isinstance(model, ChatModelConfig) else None)
         for alias, model in config.models.items()
-        if isinstance(model, ChatModelConfig)
     }
-    cache = _guarded_cache(settings, figures)
     sim = Sim(sim_url, revealed(settings.sim_token))
-    backends = {
-        alias: _backend(alias, model, keys.get(alias), figures, sim, where) for alias, model in config.models.items()
-    }
-    ledger = Ledger(usage_store_of(settings), figures.usage_failed)
-    accounts = Accounts(ledger, _prices(config.models), figures)
-    gateway = Gateway(backends, config.roles, cache, figures, accounts, extension_questions())
-    callers = Keys(config.keys, revealed(settings.gateway_token), config.teams)
-    origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
-    return build_app(
-        gateway,
-        http,
-        keys=callers,
-        log_share=settings.request_log_share,
-        origins=origins,
-        limits=config.limits,
-    )
+    backends: dict[str, Backend] = {}
+    for alias, (model, key) in sources.items():
+        same = before is not None and before.sources.get(alias) == (model, key)
+        backends[alias] = (
+            before.backends[alias] if before is not None and same else _backend(alias, model, key, figures, sim, where)
+        )
+    keys = Keys(config.keys, revealed(settings.gateway_token), config.teams)
+    return Configured(backends, sources, dict(config.roles), keys, _prices(config.models), config.limits)
 
 
 def _prices(models: Mapping[str, ModelConfig]) -> dict[str, Price]:

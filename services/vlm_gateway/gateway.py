@@ -54,6 +54,10 @@ class Gateway:
         self._kinds = KINDS | {more.question: more.kind for more in more_questions}
         self._flights: Flights[Found] = Flights()
 
+    def adopt(self, backends: Mapping[str, Backend], roles: Mapping[Role, str]) -> None:
+        """From now on these answer; what is under way goes on where it is."""
+        self.backends, self.roles = backends, roles
+
     async def answer(self, question: Question) -> Answer:
         """The model's answer, or the recorded one. Raises BadQuestion, or the errors of `services.vlm_gateway.errors`
         where no answer came at all."""

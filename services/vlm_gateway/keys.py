@@ -73,7 +73,7 @@ class Key:
         self.running = 0
         self.team = config.team if config else None
         self.spender = _spender(name, config, team)
-        self._config = config
+        self.config = config
         self._clock = clock
         self._held = 0
         now = clock()
@@ -83,7 +83,7 @@ class Key:
 
     def enter(self) -> None:
         """Raises OverBudget, with the time to wait."""
-        config = self._config
+        config = self.config
         if config is not None:
             self._check(config)
         self.running += 1
@@ -97,9 +97,9 @@ class Key:
         if self._tokens is not None:
             level = self._tokens.fill(self._clock())
             if level <= 0 or (level < tokens and self._held):
-                assert self._config is not None
+                assert self.config is not None
                 what = (
-                    f"this key's {self._config.tokens_per_minute} tokens a minute are spent or held by calls under way"
+                    f"this key's {self.config.tokens_per_minute} tokens a minute are spent or held by calls under way"
                 )
                 wait_s = self._tokens.wait_s(max(0.0, min(tokens, self._tokens.size)))
                 raise OverBudget(what, code="tokens_spent", wait_s=wait_s, key=self.name)
@@ -168,6 +168,17 @@ class Keys:
             hashed.append(_Hashed(hashlib.sha256(token.encode()).digest(), Key("operator", None)))
         self._by_hash = {one.digest: one for one in hashed}
         self.all = tuple(one.key for one in hashed)
+
+    def adopt(self, new: "Keys") -> None:
+        """From now on these are the keys. One that is as it was goes on as it is, with what it has under way."""
+        kept = {(key.name, key.config, key.spender): key for key in self.all}
+        hashed = [
+            one._replace(key=kept.get((one.key.name, one.key.config, one.key.spender), one.key))
+            for one in new._by_hash.values()
+        ]
+        self._by_hash = {one.digest: one for one in hashed}
+        self.all = tuple(one.key for one in hashed)
+        self.teams = new.teams
 
     def of(self, authorization: bytes | None) -> Key:
         """The caller of a request with this header. Raises Unauthorised."""

@@ -9,7 +9,7 @@ import pytest
 from services.vlm_gateway.embedded.crops import proposals
 from training.calibrate import Sighting, calibrated, claim_score, outcome, rising, row_threshold
 from training.crop_store import CropBatches, Crops, backgrounds, collect, crops_of, moved, overlap_matrix
-from training.judge import Look
+from training.judge import SeenPicture
 from training.labels import STRIDE, Labels, Thing
 from training.pieces import PIECE_PX, Pieces, piece, targets
 from training.prefetch import Prefetch
@@ -171,11 +171,11 @@ def test_the_claim_threshold_is_the_lowest_without_wrong_claims_where_it_costs_n
     assert outcome(found, 0.1).wrong > 0.2
 
 
-def square_look(rows_true: int, *strengths: float) -> Look:
+def square_look(rows_true: int, *strengths: float) -> SeenPicture:
     profile = np.zeros(100, np.float32)
     profile[10 : 10 + 12 * len(strengths) : 12] = strengths
     none = np.zeros((0, 4), np.float32)
-    return Look(1, True, np.zeros(0, THING), none, none, none, none, none, none, profile, rows_true, 1.0)
+    return SeenPicture(1, True, np.zeros(0, THING), none, none, none, none, none, none, profile, rows_true, 1.0)
 
 
 def test_rows_count_from_where_most_pictures_are_counted_rightly() -> None:

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 from shapely import LineString, Polygon
 
-from services.sim.catalogue.palette import BRIGHT, CREAM, GOLD, INK, WOOD, Look
+from services.sim.catalogue.palette import BRIGHT, CREAM, GOLD, INK, WOOD, Paint
 from services.sim.catalogue.parts import (
     bent,
     circle,
@@ -36,23 +36,23 @@ from services.sim.geometry.tubes import rod, tube
     places=SMALL,
     size_m=(0.41, 0.76, 0.46),
 )
-def teapot(look: Look) -> Mesh:
-    body = ellipsoid((0.2, 0.21, 0.17), (0, 0, 0.19), 14, 7, look.main)
-    lid = lathe([(0.12, 0.335), (0.06, 0.385), (0, 0.395)], 12, look.dark)
+def teapot(paint: Paint) -> Mesh:
+    body = ellipsoid((0.2, 0.21, 0.17), (0, 0, 0.19), 14, 7, paint.main)
+    lid = lathe([(0.12, 0.335), (0.06, 0.385), (0, 0.395)], 12, paint.dark)
     spout = tube(
         bent([(0, 0.17, 0.12), (0, 0.28, 0.2), (0, 0.31, 0.3), (0, 0.39, 0.36)], 2),
         [0.065, 0.055, 0.045, 0.038, 0.033, 0.028, 0.03],
         7,
-        look.main,
+        paint.main,
     )
     loop = tube(
         bent([(0, -0.16, 0.29), (0, -0.3, 0.3), (0, -0.33, 0.2), (0, -0.24, 0.12), (0, -0.17, 0.12)], 2),
         0.026,
         6,
-        look.main,
+        paint.main,
     )
     places = ((0.0, 0.45), (0.55, 0.05), (-0.55, 0.05), (0.0, -0.35), (1.1, 0.4), (-1.1, 0.4))
-    spots = [on_ball(mark(circle(0.04, 8), 0.0, look.accent), (0.2, 0.21, 0.17), 0.19, *at) for at in places]
+    spots = [on_ball(mark(circle(0.04, 8), 0.0, paint.accent), (0.2, 0.21, 0.17), 0.19, *at) for at in places]
     return concatenate(
         [
             body,
@@ -60,8 +60,8 @@ def teapot(look: Look) -> Mesh:
             spout,
             loop,
             *spots,
-            ellipsoid(0.036, (0, 0, 0.42), 6, 4, look.accent),
-            cylinder(0.12, 0.04, (0, 0, 0), 12, look.dark),
+            ellipsoid(0.036, (0, 0, 0.42), 6, 4, paint.accent),
+            cylinder(0.12, 0.04, (0, 0, 0), 12, paint.dark),
         ]
     )
 
@@ -78,16 +78,16 @@ def teapot(look: Look) -> Mesh:
     places=SMALL,
     size_m=(0.49, 0.47, 0.71),
 )
-def lamp(look: Look) -> Mesh:
-    shade = frustum(0.24, 0.13, 0.3, (0, 0, 0.38), 14, look.main)
+def lamp(paint: Paint) -> Mesh:
+    shade = frustum(0.24, 0.13, 0.3, (0, 0, 0.38), 14, paint.main)
     trim = [
-        lathe([(0.243, 0.38), (0.23, 0.415)], 14, look.accent),
-        lathe([(0.146, 0.66), (0.136, 0.682)], 14, look.accent),
+        lathe([(0.243, 0.38), (0.23, 0.415)], 14, paint.accent),
+        lathe([(0.146, 0.66), (0.136, 0.682)], 14, paint.accent),
     ]
     stand = lathe(
         [(0, 0), (0.14, 0), (0.14, 0.03), (0.03, 0.07), (0.085, 0.18), (0.02, 0.3), (0.02, 0.38)],
         12,
-        look.accent,
+        paint.accent,
         smooth=True,
     )
     return concatenate([shade, *trim, stand, ellipsoid(0.02, (0, 0, 0.69), 6, 4, GOLD)])
@@ -103,9 +103,9 @@ def lamp(look: Look) -> Mesh:
     places=SMALL,
     size_m=(0.22, 0.55, 0.72),
 )
-def alarm_clock(look: Look) -> Mesh:
+def alarm_clock(paint: Paint) -> Mesh:
     parts = [
-        disc(0.24, 0.18, (0, 0, 0.28), look.main, 18),
+        disc(0.24, 0.18, (0, 0, 0.28), paint.main, 18),
         mark(circle(0.165, 16, (0, 0.28)), 0.095, "#fbfaf4"),
         mark(LineString([(0, 0.28), (0, 0.41)]).buffer(0.017, cap_style=2), 0.105, INK),
         mark(LineString([(-0.015, 0.28), (0.09, 0.23)]).buffer(0.02, cap_style=2), 0.105, INK),
@@ -116,12 +116,12 @@ def alarm_clock(look: Look) -> Mesh:
     ]
     for s in (-1, 1):
         parts.append(
-            ellipsoid((0.1, 0.11, 0.065), (0, 0, 0), 10, 5, look.main).transformed(
+            ellipsoid((0.1, 0.11, 0.065), (0, 0, 0), 10, 5, paint.main).transformed(
                 roll=-s * 0.6, move=(0, s * 0.15, 0.52)
             )
         )
-        parts.append(rod((0, s * 0.12, 0.1), (0, s * 0.2, 0), 0.03, 6, look.dark))
-    parts += [rod((0, 0, 0.5), (0, 0, 0.58), 0.012, 5, look.metal), ellipsoid(0.035, (0, 0, 0.59), 6, 4, look.metal)]
+        parts.append(rod((0, s * 0.12, 0.1), (0, s * 0.2, 0), 0.03, 6, paint.dark))
+    parts += [rod((0, 0, 0.5), (0, 0, 0.58), 0.012, 5, paint.metal), ellipsoid(0.035, (0, 0, 0.59), 6, 4, paint.metal)]
     return concatenate(parts).transformed(scale=1.12)
 
 
@@ -135,24 +135,24 @@ def alarm_clock(look: Look) -> Mesh:
     places=BIG,
     size_m=(1.22, 1.03, 1.08),
 )
-def umbrella(look: Look) -> Mesh:
+def umbrella(paint: Paint) -> Mesh:
     profile = [(0.6, 0.0), (0.52, 0.17), (0.34, 0.3), (0.0, 0.38)]
-    outside = lathe(profile, 8, look.main)
-    panels = tinted(outside, lambda i: look.main if (i // 2 if i < 32 else i - 32) % 2 else look.light)
-    inside = lathe(profile, 8, look.main).flipped()
+    outside = lathe(profile, 8, paint.main)
+    panels = tinted(outside, lambda i: paint.main if (i // 2 if i < 32 else i - 32) % 2 else paint.light)
+    inside = lathe(profile, 8, paint.main).flipped()
     rim = tube(
         [(0.6 * np.cos(a), 0.6 * np.sin(a), 0.0) for a in np.linspace(0, 2 * pi, 9)[:-1]],
         0.014,
         4,
-        look.accent,
+        paint.accent,
         closed=True,
     )
-    pole = rod((0, 0, -0.5), (0, 0, 0.5), 0.02, 6, look.metal)
+    pole = rod((0, 0, -0.5), (0, 0, 0.5), 0.02, 6, paint.metal)
     hook = tube(
         bent([(0, 0, -0.45), (0, 0, -0.6), (0, 0.05, -0.68), (0, 0.12, -0.66), (0, 0.13, -0.58)], 2),
         0.033,
         6,
-        look.other(WOOD, CREAM, "orange", "black"),
+        paint.other(WOOD, CREAM, "orange", "black"),
     )
     return concatenate([panels, inside, rim, pole, hook]).transformed(roll=-0.6, pitch=0.12)
 
@@ -168,27 +168,27 @@ def umbrella(look: Look) -> Mesh:
     places=STANDING,
     size_m=(0.4, 0.56, 0.8),
 )
-def fan(look: Look) -> Mesh:
+def fan(paint: Paint) -> Mesh:
     c = (0, 0, 0.52)
     blade = Polygon([(0.03, 0), (0.06, 0.17), (-0.02, 0.235), (-0.14, 0.19), (-0.13, 0.1), (-0.03, 0.0)])
     blades = [
-        silhouette(blade, 0.03, look.main).transformed(roll=k * 2 * pi / 3, move=(0.02, 0, 0.52)) for k in range(3)
+        silhouette(blade, 0.03, paint.main).transformed(roll=k * 2 * pi / 3, move=(0.02, 0, 0.52)) for k in range(3)
     ]
-    cage = [ring(0.255, 0.026, c, look.main, 18, 6, "x"), ring(0.14, 0.007, (0.08, 0, 0.52), look.metal, 12, 3, "x")]
+    cage = [ring(0.255, 0.026, c, paint.main, 18, 6, "x"), ring(0.14, 0.007, (0.08, 0, 0.52), paint.metal, 12, 3, "x")]
     wires = [
         rod(
             (0.07, 0.04 * np.cos(a), 0.52 + 0.04 * np.sin(a)),
             (0.03, 0.25 * np.cos(a), 0.52 + 0.25 * np.sin(a)),
             0.006,
             3,
-            look.metal,
+            paint.metal,
         )
         for a in np.arange(8) * pi / 4
     ]
-    hub = [disc(0.055, 0.09, (0.06, 0, 0.52), look.accent, 10), disc(0.07, 0.16, (-0.1, 0, 0.52), look.dark, 10)]
+    hub = [disc(0.055, 0.09, (0.06, 0, 0.52), paint.accent, 10), disc(0.07, 0.16, (-0.1, 0, 0.52), paint.dark, 10)]
     stand = [
-        rod((-0.08, 0, 0.03), (-0.08, 0, 0.48), 0.035, 8, look.main),
-        frustum(0.2, 0.15, 0.05, (-0.04, 0, 0), 14, look.main),
+        rod((-0.08, 0, 0.03), (-0.08, 0, 0.48), 0.035, 8, paint.main),
+        frustum(0.2, 0.15, 0.05, (-0.04, 0, 0), 14, paint.main),
     ]
     return concatenate([*blades, *cage, *wires, *hub, *stand])
 
@@ -204,22 +204,22 @@ def fan(look: Look) -> Mesh:
     places=SMALL,
     size_m=(0.22, 0.7, 0.68),
 )
-def radio(look: Look) -> Mesh:
-    parts = [block((0.2, 0.7, 0.36), (0, 0, 0.18), look.main)]
+def radio(paint: Paint) -> Mesh:
+    parts = [block((0.2, 0.7, 0.36), (0, 0, 0.18), paint.main)]
     for s in (-1, 1):
         parts += [
-            disc(0.115, 0.03, (0.1, s * 0.21, 0.15), look.ink, 14),
-            mark(circle(0.05, 10, (s * 0.21, 0.15)), 0.12, look.metal),
+            disc(0.115, 0.03, (0.1, s * 0.21, 0.15), paint.ink, 14),
+            mark(circle(0.05, 10, (s * 0.21, 0.15)), 0.12, paint.metal),
         ]
     parts += [
-        mark(rectangle(-0.28, 0.285, 0.28, 0.335), 0.106, look.accent),
-        mark(rectangle(0.1, 0.285, 0.12, 0.335), 0.112, look.other("#d8232a", "#2b62c9", "red", "pink")),
-        mark(rectangle(-0.07, 0.06, 0.07, 0.2), 0.106, look.accent),
-        *[mark(rectangle(y - 0.016, 0.1, y + 0.016, 0.16), 0.112, look.main) for y in (-0.04, 0.04)],
-        block((0.05, 0.05, 0.1), (0, -0.29, 0.39), look.main),
-        block((0.05, 0.05, 0.1), (0, 0.29, 0.39), look.main),
-        block((0.06, 0.63, 0.05), (0, 0, 0.455), look.main),
-        rod((-0.07, 0.27, 0.35), (-0.07, 0.33, 0.68), 0.012, 4, look.metal),
+        mark(rectangle(-0.28, 0.285, 0.28, 0.335), 0.106, paint.accent),
+        mark(rectangle(0.1, 0.285, 0.12, 0.335), 0.112, paint.other("#d8232a", "#2b62c9", "red", "pink")),
+        mark(rectangle(-0.07, 0.06, 0.07, 0.2), 0.106, paint.accent),
+        *[mark(rectangle(y - 0.016, 0.1, y + 0.016, 0.16), 0.112, paint.main) for y in (-0.04, 0.04)],
+        block((0.05, 0.05, 0.1), (0, -0.29, 0.39), paint.main),
+        block((0.05, 0.05, 0.1), (0, 0.29, 0.39), paint.main),
+        block((0.06, 0.63, 0.05), (0, 0, 0.455), paint.main),
+        rod((-0.07, 0.27, 0.35), (-0.07, 0.33, 0.68), 0.012, 4, paint.metal),
     ]
     return concatenate(parts)
 
@@ -235,7 +235,7 @@ def radio(look: Look) -> Mesh:
     places=HANGING,
     size_m=(0.04, 0.93, 0.89),
 )
-def t_shirt(look: Look) -> Mesh:
+def t_shirt(paint: Paint) -> Mesh:
     half = [
         (0.0, 0.0),
         (0.26, 0.0),
@@ -249,20 +249,20 @@ def t_shirt(look: Look) -> Mesh:
     ]
     cloth = Polygon(half + [(-y, z) for y, z in reversed(half[1:-1])])
     hook = tube(
-        bent([(0, 0, 0.68), (0, 0, 0.78), (0, 0.04, 0.83), (0, 0, 0.88), (0, -0.04, 0.85)], 2), 0.014, 5, look.metal
+        bent([(0, 0, 0.68), (0, 0, 0.78), (0, 0.04, 0.83), (0, 0, 0.88), (0, -0.04, 0.85)], 2), 0.014, 5, paint.metal
     )
-    bars = [rod((0, 0, 0.74), (0, s * 0.16, 0.68), 0.012, 4, look.metal) for s in (-1, 1)]
+    bars = [rod((0, 0, 0.74), (0, s * 0.16, 0.68), 0.012, 4, paint.metal) for s in (-1, 1)]
     cuffs = [LineString([(s * 0.395, 0.34), (s * 0.45, 0.455)]).buffer(0.018, cap_style=2) for s in (-1, 1)]
     collar = LineString([(-0.12, 0.71), (-0.07, 0.65), (0, 0.63), (0.07, 0.65), (0.12, 0.71)]).buffer(
         0.018, cap_style=2
     )
     return concatenate(
         [
-            silhouette(cloth, 0.03, look.main),
+            silhouette(cloth, 0.03, paint.main),
             hook,
             *bars,
-            *[mark(c, 0.021, look.accent) for c in (*cuffs, collar)],
-            mark(star(5, 0.13, 0.055, (0, 0.38)), 0.021, look.accent),
+            *[mark(c, 0.021, paint.accent) for c in (*cuffs, collar)],
+            mark(star(5, 0.13, 0.055, (0, 0.38)), 0.021, paint.accent),
         ]
     )
 
@@ -277,24 +277,24 @@ def t_shirt(look: Look) -> Mesh:
     places=("wall",),
     size_m=(0.77, 0.86, 0.84),
 )
-def satellite_dish(look: Look) -> Mesh:
+def satellite_dish(paint: Paint) -> Mesh:
     profile = [(0.0, 0.0), (0.2, 0.03), (0.33, 0.09), (0.42, 0.16)]
     bowl = concatenate(
         [
-            lathe(profile, 18, look.dark),
-            lathe(profile, 18, look.main, smooth=True).flipped(),
-            ring(0.42, 0.016, (0, 0, 0.16), look.dark, 18, 4),
+            lathe(profile, 18, paint.dark),
+            lathe(profile, 18, paint.main, smooth=True).flipped(),
+            ring(0.42, 0.016, (0, 0, 0.16), paint.dark, 18, 4),
         ]
     )
     arm = [
-        rod((-0.4, 0, 0.13), (-0.1, 0, 0.52), 0.022, 5, look.metal),
-        rod((0, 0, 0.42), (-0.14, 0, 0.56), 0.06, 8, look.ink),
+        rod((-0.4, 0, 0.13), (-0.1, 0, 0.52), 0.022, 5, paint.metal),
+        rod((0, 0, 0.42), (-0.14, 0, 0.56), 0.06, 8, paint.ink),
     ]
-    arm += [rod((0.13, s * 0.34, 0.12), (-0.08, 0, 0.5), 0.012, 4, look.metal) for s in (-1, 1)]
+    arm += [rod((0.13, s * 0.34, 0.12), (-0.08, 0, 0.5), 0.012, 4, paint.metal) for s in (-1, 1)]
     dish = to_front(concatenate([bowl, *arm])).transformed(pitch=-0.25, move=(0.2, 0, 0))
     foot = [
-        rod((0, 0, -0.06), (0.24, 0, -0.02), 0.045, 6, look.metal),
-        block((0.03, 0.2, 0.3), (0.0, 0, -0.06), look.metal),
+        rod((0, 0, -0.06), (0.24, 0, -0.02), 0.045, 6, paint.metal),
+        block((0.03, 0.2, 0.3), (0.0, 0, -0.06), paint.metal),
     ]
     return concatenate([dish, *foot])
 
@@ -310,21 +310,21 @@ def satellite_dish(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.44, 0.63, 1.15),
 )
-def mailbox(look: Look) -> Mesh:
+def mailbox(paint: Paint) -> Mesh:
     arc = [(0.2 * np.cos(a), 0.2 + 0.18 * np.sin(a)) for a in np.linspace(0, pi, 9)]
-    tunnel = extruded([(-0.2, 0), (0.2, 0), *arc], 0.62, look.main).transformed(yaw=pi / 2, move=(0, 0, 0.66))
-    door = extruded([(-0.205, 0.0), (0.205, 0.0), *[(y * 1.03, z) for y, z in arc]], 0.03, look.dark).transformed(
+    tunnel = extruded([(-0.2, 0), (0.2, 0), *arc], 0.62, paint.main).transformed(yaw=pi / 2, move=(0, 0, 0.66))
+    door = extruded([(-0.205, 0.0), (0.205, 0.0), *[(y * 1.03, z) for y, z in arc]], 0.03, paint.dark).transformed(
         yaw=pi / 2, move=(0, 0.31, 0.66)
     )
-    flag_colour = look.other("#e02128", GOLD, "red")
+    flag_colour = paint.other("#e02128", GOLD, "red")
     flag = [
         block((0.02, 0.03, 0.32), (0.22, 0.05, 0.98), flag_colour),
         block((0.02, 0.17, 0.11), (0.22, 0.12, 1.1), flag_colour),
     ]
-    letter = mark(rectangle(-0.22, 0.74, 0.0, 0.87), 0.206, look.accent)
-    fold = mark(LineString([(-0.21, 0.86), (-0.11, 0.8), (-0.01, 0.86)]).buffer(0.01, cap_style=2), 0.212, look.main)
+    letter = mark(rectangle(-0.22, 0.74, 0.0, 0.87), 0.206, paint.accent)
+    fold = mark(LineString([(-0.21, 0.86), (-0.11, 0.8), (-0.01, 0.86)]).buffer(0.01, cap_style=2), 0.212, paint.main)
     post = [
-        block((0.1, 0.1, 0.66), (0, 0, 0.33), look.other(WOOD, CREAM, "yellow")),
-        block((0.3, 0.56, 0.04), (0, 0, 0.65), look.other(WOOD, CREAM, "yellow")),
+        block((0.1, 0.1, 0.66), (0, 0, 0.33), paint.other(WOOD, CREAM, "yellow")),
+        block((0.3, 0.56, 0.04), (0, 0, 0.65), paint.other(WOOD, CREAM, "yellow")),
     ]
     return concatenate([tunnel, door, *flag, letter, fold, *post])

@@ -4,7 +4,7 @@ from math import cos, pi, sin
 
 import numpy as np
 
-from services.sim.catalogue.palette import CREAM, GOLD, INK, SKIN, Look
+from services.sim.catalogue.palette import CREAM, GOLD, INK, SKIN, Paint
 from services.sim.catalogue.parts import bent, disc, ring
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
@@ -23,10 +23,10 @@ from services.sim.geometry.tubes import rod, tube
     places=STANDING,
     size_m=(0.43, 0.53, 0.91),
 )
-def garden_gnome(look: Look) -> Mesh:
+def garden_gnome(paint: Paint) -> Mesh:
     parts = [
-        lathe([(0, 0.1), (0.18, 0.1), (0.2, 0.2), (0.13, 0.44), (0, 0.46)], 12, look.main),
-        lathe([(0, 0.52), (0.16, 0.52), (0.165, 0.56), (0.1, 0.7), (0.02, 0.9), (0, 0.9)], 12, look.main),
+        lathe([(0, 0.1), (0.18, 0.1), (0.2, 0.2), (0.13, 0.44), (0, 0.46)], 12, paint.main),
+        lathe([(0, 0.52), (0.16, 0.52), (0.165, 0.56), (0.1, 0.7), (0.02, 0.9), (0, 0.9)], 12, paint.main),
         ellipsoid((0.12, 0.125, 0.11), (0, 0, 0.47), 9, 4, SKIN),
         tube([(0.09, 0, 0.46), (0.15, 0, 0.38), (0.165, 0, 0.24)], [0.1, 0.085, 0.012], 7, "#fdfdfb"),
         ellipsoid(0.034, (0.135, 0, 0.485), 6, 4, "#e88a74"),
@@ -36,7 +36,10 @@ def garden_gnome(look: Look) -> Mesh:
         parts += [
             ellipsoid((0.12, 0.085, 0.07), (0.06, s * 0.1, 0.06), 7, 4, INK),
             tube(
-                [(0, s * 0.13, 0.4), (0.04, s * 0.21, 0.3), (0.12, s * 0.15, 0.27)], [0.055, 0.055, 0.045], 6, look.main
+                [(0, s * 0.13, 0.4), (0.04, s * 0.21, 0.3), (0.12, s * 0.15, 0.27)],
+                [0.055, 0.055, 0.045],
+                6,
+                paint.main,
             ),
             ellipsoid(0.042, (0.14, s * 0.13, 0.27), 6, 4, SKIN),
             disc(0.017, 0.02, (0.118, s * 0.045, 0.512), INK, 6),
@@ -55,18 +58,22 @@ def garden_gnome(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.36, 1.11, 1.6),
 )
-def flag(look: Look) -> Mesh:
+def flag(paint: Paint) -> Mesh:
     def at(i: int, z: float) -> tuple[float, float, float]:
         y = 0.03 + i * 0.13
         return (0.07 * sin(i * 1.1) * min(1.0, i / 2), y, z - 0.012 * i)
 
     parts = []
     for i in range(7):
-        stripe = ((0.9, 1.1, look.main), (1.1, 1.28, look.other("#ffffff", "#d3202a", "white")), (1.28, 1.5, look.main))
+        stripe = (
+            (0.9, 1.1, paint.main),
+            (1.1, 1.28, paint.other("#ffffff", "#d3202a", "white")),
+            (1.28, 1.5, paint.main),
+        )
         for z0, z1, colour in stripe:
             parts.append(quad([at(i, z0), at(i + 1, z0), at(i + 1, z1), at(i, z1)], colour).two_sided())
     pole = [
-        rod((0, 0, 0.04), (0, 0, 1.56), 0.024, 6, look.other("#d9dde0", "#6d747d", "white")),
+        rod((0, 0, 0.04), (0, 0, 1.56), 0.024, 6, paint.other("#d9dde0", "#6d747d", "white")),
         ellipsoid(0.045, (0, 0, 1.55), 7, 4, GOLD),
     ]
     return concatenate([*parts, *pole, frustum(0.18, 0.1, 0.07, (0, 0, 0), 10, "#5f656c")])
@@ -82,11 +89,11 @@ def flag(look: Look) -> Mesh:
     places=STANDING,
     size_m=(0.5, 0.49, 0.87),
 )
-def bird_cage(look: Look) -> Mesh:
+def bird_cage(paint: Paint) -> Mesh:
     parts = [
-        cylinder(0.25, 0.1, (0, 0, 0), 14, look.main),
-        ring(0.235, 0.014, (0, 0, 0.33), look.main, 11, 3),
-        ring(0.235, 0.014, (0, 0, 0.54), look.main, 11, 3),
+        cylinder(0.25, 0.1, (0, 0, 0), 14, paint.main),
+        ring(0.235, 0.014, (0, 0, 0.33), paint.main, 11, 3),
+        ring(0.235, 0.014, (0, 0, 0.54), paint.main, 11, 3),
     ]
     for i in range(11):
         c, s = cos(i * 2 * pi / 11), sin(i * 2 * pi / 11)
@@ -100,12 +107,12 @@ def bird_cage(look: Look) -> Mesh:
                 ],
                 0.013,
                 3,
-                look.main,
+                paint.main,
             )
         )
-    bird = look.other("#f6c915", "#2f7fe0", "yellow", "white")
-    parts += [ellipsoid(0.045, (0, 0, 0.765), 6, 4, look.main), ring(0.04, 0.012, (0, 0, 0.82), look.main, 7, 3, "x")]
-    parts += [rod((0, -0.2, 0.27), (0, 0.2, 0.27), 0.012, 4, look.metal)]
+    bird = paint.other("#f6c915", "#2f7fe0", "yellow", "white")
+    parts += [ellipsoid(0.045, (0, 0, 0.765), 6, 4, paint.main), ring(0.04, 0.012, (0, 0, 0.82), paint.main, 7, 3, "x")]
+    parts += [rod((0, -0.2, 0.27), (0, 0.2, 0.27), 0.012, 4, paint.metal)]
     parts += [
         ellipsoid((0.06, 0.095, 0.075), (0, 0, 0.355), 6, 4, bird),
         ellipsoid(0.052, (0, 0.085, 0.43), 7, 4, bird),
@@ -124,12 +131,12 @@ def bird_cage(look: Look) -> Mesh:
     places=STANDING,
     size_m=(0.53, 0.82, 0.98),
 )
-def snowman(look: Look) -> Mesh:
+def snowman(paint: Paint) -> Mesh:
     coal = "#17181b"
     parts = [
-        ellipsoid((0.22, 0.22, 0.2), (0, 0, 0.19), 10, 6, look.main),
-        ellipsoid((0.17, 0.17, 0.155), (0, 0, 0.46), 10, 6, look.main),
-        ellipsoid(0.13, (0, 0, 0.69), 9, 6, look.main),
+        ellipsoid((0.22, 0.22, 0.2), (0, 0, 0.19), 10, 6, paint.main),
+        ellipsoid((0.17, 0.17, 0.155), (0, 0, 0.46), 10, 6, paint.main),
+        ellipsoid(0.13, (0, 0, 0.69), 9, 6, paint.main),
     ]
     parts += [
         cylinder(0.17, 0.025, (0, 0, 0.78), 10, coal),
@@ -160,16 +167,16 @@ def snowman(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.34, 0.87, 1.25),
 )
-def flamingo(look: Look) -> Mesh:
+def flamingo(paint: Paint) -> Mesh:
     neck = bent([(0, 0.15, 0.68), (0, 0.31, 0.78), (0, 0.28, 0.96), (0, 0.19, 1.06), (0, 0.24, 1.18)], 3)
-    leg = look.other("#e8567a", "#f2903a", "red", "pink")
+    leg = paint.other("#e8567a", "#f2903a", "red", "pink")
     parts = [
-        ellipsoid((0.15, 0.26, 0.15), (0, 0, 0.64), 12, 6, look.main),
-        tube([(0, -0.15, 0.64), (0, -0.3, 0.63), (0, -0.42, 0.55)], [0.12, 0.08, 0.01], 6, look.main),
-        ellipsoid((0.04, 0.19, 0.1), (0.13, -0.05, 0.66), 8, 4, look.dark),
-        tube(neck, np.linspace(0.075, 0.048, len(neck)).tolist(), 7, look.main),
-        ellipsoid((0.07, 0.095, 0.07), (0, 0.265, 1.18), 8, 5, look.main),
-        tube([(0, 0.32, 1.18), (0, 0.41, 1.15)], [0.05, 0.042], 6, look.other("#fff3e6", "#f7b08a", "white")),
+        ellipsoid((0.15, 0.26, 0.15), (0, 0, 0.64), 12, 6, paint.main),
+        tube([(0, -0.15, 0.64), (0, -0.3, 0.63), (0, -0.42, 0.55)], [0.12, 0.08, 0.01], 6, paint.main),
+        ellipsoid((0.04, 0.19, 0.1), (0.13, -0.05, 0.66), 8, 4, paint.dark),
+        tube(neck, np.linspace(0.075, 0.048, len(neck)).tolist(), 7, paint.main),
+        ellipsoid((0.07, 0.095, 0.07), (0, 0.265, 1.18), 8, 5, paint.main),
+        tube([(0, 0.32, 1.18), (0, 0.41, 1.15)], [0.05, 0.042], 6, paint.other("#fff3e6", "#f7b08a", "white")),
         tube([(0, 0.4, 1.155), (0, 0.43, 1.07)], [0.045, 0.012], 6, INK),
         disc(0.018, 0.15, (0, 0.28, 1.2), INK, 6),
         tube([(0.04, 0.02, 0.55), (0.04, 0.0, 0.04)], 0.026, 5, leg),
@@ -189,11 +196,11 @@ def flamingo(look: Look) -> Mesh:
     places=STANDING,
     size_m=(0.72, 0.7, 0.65),
 )
-def toadstool(look: Look) -> Mesh:
+def toadstool(paint: Paint) -> Mesh:
     stalk = lathe([(0, 0), (0.14, 0), (0.1, 0.1), (0.085, 0.3)], 10, CREAM, smooth=True)
     profile = [(0.1, 0.26), (0.3, 0.22), (0.32, 0.26), (0.28, 0.4), (0.17, 0.52), (0.0, 0.57)]
     gills = lathe(profile[:2], 14, "#e9d9b8")
-    cap = lathe(profile[1:], 14, look.main, smooth=True)
+    cap = lathe(profile[1:], 14, paint.main, smooth=True)
     spots = []
     for lift, n, turn in ((0.3, 7, 0.0), (0.62, 5, 0.4), (1.57, 1, 0.0)):
         for i in range(n):

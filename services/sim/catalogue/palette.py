@@ -38,7 +38,7 @@ _PALE = ("white", "yellow", "pink")
 
 
 @dataclass(frozen=True)
-class Look:
+class Paint:
     """What a shape is painted with: the named colour, and the scene's texture layers (for posters)."""
 
     colour: str

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.sim.catalogue import pictures
-from services.sim.catalogue.palette import Look
+from services.sim.catalogue.palette import Paint
 from services.sim.catalogue.registry import MOUNTED, Shape, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.solids import box, quad
@@ -108,8 +108,8 @@ def _sheet(draw: Callable[[pictures.Sheet], None], colours: tuple[str, ...]) -> 
 
 
 def _poster(subject: str, colours: tuple[str, ...]) -> Shape:
-    def shape(look: Look) -> Mesh:
-        row, column = divmod(colours.index(look.colour), _COLUMNS)
+    def shape(paint: Paint) -> Mesh:
+        row, column = divmod(colours.index(paint.colour), _COLUMNS)
         height, width = _CELL
         gu, gv = _GUARD / (width * _COLUMNS), _GUARD / (height * _ROWS)
         u0, u1 = column / _COLUMNS + gu, (column + 1) / _COLUMNS - gu
@@ -118,7 +118,7 @@ def _poster(subject: str, colours: tuple[str, ...]) -> Shape:
         x, w, h = THICKNESS_M / 2, WIDTH_M / 2, HEIGHT_M / 2
         corners = [(x, -w, -h), (x, w, -h), (x, w, h), (x, -w, h)]
         uv = [(u0, v0), (u1, v0), (u1, v1), (u0, v1)]
-        return concatenate([board, quad(corners, "#ffffff", look.textures.layer(_layer(subject)), uv)])
+        return concatenate([board, quad(corners, "#ffffff", paint.textures.layer(_layer(subject)), uv)])
 
     shape.__name__ = f"{subject.replace(' ', '_')}_poster"
     return shape

@@ -10,14 +10,14 @@ from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
 from contracts.sim import CatalogueEntry
-from services.sim.catalogue.palette import Look
+from services.sim.catalogue.palette import Paint
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import UnknownObject
 from services.sim.geometry.textures import TextureSet
 
 Category = Literal["tools", "containers", "household", "food", "furniture", "posters", "toys", "ornaments"]
 Place = Literal["sill", "balcony", "wall", "pane", "hang", "free"]
-Shape = Callable[[Look], Mesh]
+Shape = Callable[[Paint], Mesh]
 
 STANDING: tuple[Place, ...] = ("sill", "balcony", "free")
 SMALL: tuple[Place, ...] = ("sill", "free")
@@ -91,7 +91,7 @@ def build(kind: str, colour: str, textures: TextureSet) -> Mesh:
             f"{kind} does not come in {colour!r}{_nearest(colour, item.entry.colours)}; "
             f"it comes in {', '.join(item.entry.colours)}"
         )
-    return _seated(item.shape(Look(colour, textures)), item.entry.places[0])
+    return _seated(item.shape(Paint(colour, textures)), item.entry.places[0])
 
 
 def _seated(mesh: Mesh, place: Place) -> Mesh:

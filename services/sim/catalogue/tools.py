@@ -5,7 +5,7 @@ from math import pi
 from shapely import LineString, Point, box, unary_union
 from shapely.affinity import rotate, translate
 
-from services.sim.catalogue.palette import INK, WOOD, Look
+from services.sim.catalogue.palette import INK, WOOD, Paint
 from services.sim.catalogue.parts import arch, circle, disc, mark, rectangle, silhouette, tapered
 from services.sim.catalogue.registry import BIG, STANDING, catalogued
 from services.sim.geometry.mesh import Mesh, concatenate
@@ -24,17 +24,17 @@ from services.sim.geometry.tubes import rod, tube
     places=STANDING,
     size_m=(0.31, 0.85, 0.48),
 )
-def watering_can(look: Look) -> Mesh:
-    body = lathe([(0, 0), (0.15, 0), (0.15, 0.26), (0.1, 0.31), (0, 0.31)], 14, look.main)
-    spout = tube([(0, 0.1, 0.07), (0, 0.42, 0.36)], [0.05, 0.03], 8, look.main)
-    rose = frustum(0.03, 0.085, 0.1, segments=10, colour=look.accent).transformed(roll=-pi / 4.2, move=(0, 0.41, 0.35))
+def watering_can(paint: Paint) -> Mesh:
+    body = lathe([(0, 0), (0.15, 0), (0.15, 0.26), (0.1, 0.31), (0, 0.31)], 14, paint.main)
+    spout = tube([(0, 0.1, 0.07), (0, 0.42, 0.36)], [0.05, 0.03], 8, paint.main)
+    rose = frustum(0.03, 0.085, 0.1, segments=10, colour=paint.accent).transformed(roll=-pi / 4.2, move=(0, 0.41, 0.35))
     loop = tube(
         [(0, 0.06, 0.29), (0, 0.0, 0.43), (0, -0.15, 0.45), (0, -0.29, 0.33), (0, -0.29, 0.2), (0, -0.13, 0.08)],
         0.026,
         6,
-        look.main,
+        paint.main,
     )
-    bands = [lathe([(0.154, z), (0.154, z + 0.03)], 14, look.accent) for z in (0.03, 0.22)]
+    bands = [lathe([(0.154, z), (0.154, z + 0.03)], 14, paint.accent) for z in (0.03, 0.22)]
     return concatenate([body, spout, rose, loop, *bands])
 
 
@@ -49,17 +49,17 @@ def watering_can(look: Look) -> Mesh:
     places=STANDING,
     size_m=(0.3, 0.68, 0.46),
 )
-def toolbox(look: Look) -> Mesh:
+def toolbox(paint: Paint) -> Mesh:
     lid = [(-0.34, 0.21), (0.34, 0.21), (0.26, 0.33), (-0.26, 0.33)]
     hammer = unary_union([box(-0.17, 0.09, 0.13, 0.125), box(0.1, 0.035, 0.18, 0.18)])
     return concatenate(
         [
-            block((0.26, 0.66, 0.2), (0, 0, 0.1), look.main),
-            silhouette(lid, 0.28, look.main),
-            mark(rectangle(-0.33, 0.195, 0.33, 0.212), 0.142, look.ink),
-            arch((0, -0.14, 0.32), (0, 0.14, 0.32), (0, 0, 0.12), 0.022, look.ink),
-            *[block((0.03, 0.06, 0.1), (0.14, y, 0.2), look.metal) for y in (-0.24, 0.24)],
-            mark(rotate(hammer, 25, origin="centroid"), 0.136, look.accent),
+            block((0.26, 0.66, 0.2), (0, 0, 0.1), paint.main),
+            silhouette(lid, 0.28, paint.main),
+            mark(rectangle(-0.33, 0.195, 0.33, 0.212), 0.142, paint.ink),
+            arch((0, -0.14, 0.32), (0, 0.14, 0.32), (0, 0, 0.12), 0.022, paint.ink),
+            *[block((0.03, 0.06, 0.1), (0.14, y, 0.2), paint.metal) for y in (-0.24, 0.24)],
+            mark(rotate(hammer, 25, origin="centroid"), 0.136, paint.accent),
         ]
     )
 
@@ -74,17 +74,17 @@ def toolbox(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.8, 0.62, 1.47),
 )
-def ladder(look: Look) -> Mesh:
+def ladder(paint: Paint) -> Mesh:
     def post(y0: float, y1: float, x: float) -> Mesh:
-        return rod((x, y0, 0), (0, y1, 1.42), 0.042, 4, look.main)
+        return rod((x, y0, 0), (0, y1, 1.42), 0.042, 4, paint.main)
 
     steps = []
     for i in range(1, 5):
         t = i * 0.28 / 1.42
-        steps.append(block((0.13, 0.56 - 0.12 * t, 0.06), (0.38 * (1 - t), 0, i * 0.28), look.light))
-    brace = rod((-0.22, -0.25, 0.6), (-0.22, 0.25, 0.6), 0.02, 4, look.dark)
+        steps.append(block((0.13, 0.56 - 0.12 * t, 0.06), (0.38 * (1 - t), 0, i * 0.28), paint.light))
+    brace = rod((-0.22, -0.25, 0.6), (-0.22, 0.25, 0.6), 0.02, 4, paint.dark)
     posts = [post(s * 0.27, s * 0.2, x) for s in (-1, 1) for x in (0.36, -0.36)]
-    return concatenate([*posts, *steps, brace, block((0.3, 0.5, 0.06), (0.02, 0, 1.43), look.main)])
+    return concatenate([*posts, *steps, brace, block((0.3, 0.5, 0.06), (0.02, 0, 1.43), paint.main)])
 
 
 @catalogued(
@@ -97,15 +97,15 @@ def ladder(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.15, 0.5, 1.45),
 )
-def broom(look: Look) -> Mesh:
+def broom(paint: Paint) -> Mesh:
     fan = [(-0.25, 0), (0.25, 0), (0.1, 0.46), (-0.1, 0.46)]
-    parts = [silhouette(fan, 0.14, look.main), rod((0, 0, 0.44), (0, 0, 1.45), 0.032, 6, look.main)]
+    parts = [silhouette(fan, 0.14, paint.main), rod((0, 0, 0.44), (0, 0, 1.45), 0.032, 6, paint.main)]
     parts += [
-        silhouette([(-w, z), (w, z), (w - 0.014, z + 0.045), (-w + 0.014, z + 0.045)], 0.15, look.accent)
+        silhouette([(-w, z), (w, z), (w - 0.014, z + 0.045), (-w + 0.014, z + 0.045)], 0.15, paint.accent)
         for w, z in ((0.165, 0.27), (0.135, 0.37))
     ]
     straws = [LineString([(-0.2 + 0.1 * i, 0), (-0.1 + 0.05 * i, 0.26)]).buffer(0.009, cap_style=2) for i in range(5)]
-    parts.append(mark(unary_union(straws), 0.076, look.dark))
+    parts.append(mark(unary_union(straws), 0.076, paint.dark))
     return concatenate(parts)
 
 
@@ -119,18 +119,18 @@ def broom(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.06, 0.36, 1.2),
 )
-def shovel(look: Look) -> Mesh:
+def shovel(paint: Paint) -> Mesh:
     blade = [(0, 0), (0.13, 0.1), (0.18, 0.26), (0.18, 0.5), (-0.18, 0.5), (-0.18, 0.26), (-0.13, 0.1)]
     grip = LineString([(0, 0.98), (-0.12, 1.08), (-0.12, 1.17), (0.12, 1.17), (0.12, 1.08), (0, 0.98)])
     left = LineString(list(grip.coords)[:4]).buffer(0.03, join_style=2, cap_style=2)
     right = LineString(list(grip.coords)[3:]).buffer(0.03, join_style=2, cap_style=2)
     return concatenate(
         [
-            silhouette(blade, 0.05, look.main),
-            mark(box(-0.02, 0.12, 0.02, 0.46), 0.03, look.dark),
-            rod((0, 0, 0.4), (0, 0, 1.0), 0.03, 6, look.other(WOOD, "#d8b27a", "orange")),
-            silhouette(left, 0.06, look.main),
-            silhouette(right, 0.06, look.main),
+            silhouette(blade, 0.05, paint.main),
+            mark(box(-0.02, 0.12, 0.02, 0.46), 0.03, paint.dark),
+            rod((0, 0, 0.4), (0, 0, 1.0), 0.03, 6, paint.other(WOOD, "#d8b27a", "orange")),
+            silhouette(left, 0.06, paint.main),
+            silhouette(right, 0.06, paint.main),
         ]
     )
 
@@ -145,21 +145,21 @@ def shovel(look: Look) -> Mesh:
     places=BIG,
     size_m=(0.62, 1.58, 0.69),
 )
-def wheelbarrow(look: Look) -> Mesh:
-    tub = tapered((0.36, 0.42), (0.62, 0.95), 0.36, (0, 0.08, 0.27), look.main, shift=(0, 0.06))
+def wheelbarrow(paint: Paint) -> Mesh:
+    tub = tapered((0.36, 0.42), (0.62, 0.95), 0.36, (0, 0.08, 0.27), paint.main, shift=(0, 0.06))
     soil = block((0.5, 0.8, 0.06), (0, 0.14, 0.64), "#4a3423")
     rails = [
-        tube([(s * 0.1, 0.62, 0.17), (s * 0.2, 0, 0.26), (s * 0.26, -0.76, 0.5)], 0.025, 5, look.dark) for s in (-1, 1)
+        tube([(s * 0.1, 0.62, 0.17), (s * 0.2, 0, 0.26), (s * 0.26, -0.76, 0.5)], 0.025, 5, paint.dark) for s in (-1, 1)
     ]
     grips = [rod((s * 0.235, -0.6, 0.447), (s * 0.268, -0.78, 0.508), 0.037, 6, INK) for s in (-1, 1)]
     legs = [
-        tube([(s * 0.2, -0.05, 0.27), (s * 0.22, -0.22, 0.0), (s * 0.22, -0.3, 0.28)], 0.024, 5, look.dark)
+        tube([(s * 0.2, -0.05, 0.27), (s * 0.22, -0.22, 0.0), (s * 0.22, -0.3, 0.28)], 0.024, 5, paint.dark)
         for s in (-1, 1)
     ]
     wheel = [
         disc(0.17, 0.1, (0, 0, 0), INK, 14),
-        mark(circle(0.09, 10), 0.056, look.accent),
-        mark(circle(0.09, 10), 0.056, look.accent).transformed(yaw=pi),
+        mark(circle(0.09, 10), 0.056, paint.accent),
+        mark(circle(0.09, 10), 0.056, paint.accent).transformed(yaw=pi),
     ]
     return concatenate([tub, soil, *rails, *grips, *legs, concatenate(wheel).transformed(move=(0, 0.62, 0.17))])
 
@@ -174,7 +174,7 @@ def wheelbarrow(look: Look) -> Mesh:
     places=("wall",),
     size_m=(0.08, 0.75, 0.75),
 )
-def wrench(look: Look) -> Mesh:
+def wrench(paint: Paint) -> Mesh:
     def head(r: float, jaw: float) -> object:
         return (
             Point(0, 0)
@@ -187,7 +187,7 @@ def wrench(look: Look) -> Mesh:
     bar = box(-0.065, -0.24, 0.065, 0.22)
     whole = rotate(unary_union([top, low, bar]).simplify(0.004), -45, origin=(0, 0))
     slot = rotate(box(-0.025, -0.17, 0.025, 0.17), -45, origin=(0, 0))
-    return concatenate([silhouette(whole, 0.07, look.main), mark(slot, 0.04, look.accent)])
+    return concatenate([silhouette(whole, 0.07, paint.main), mark(slot, 0.04, paint.accent)])
 
 
 @catalogued(
@@ -201,9 +201,9 @@ def wrench(look: Look) -> Mesh:
     places=STANDING,
     size_m=(0.5, 0.5, 0.72),
 )
-def traffic_cone(look: Look) -> Mesh:
+def traffic_cone(paint: Paint) -> Mesh:
     def band(z0: float, z1: float) -> Mesh:
-        return lathe([(0.2 - 0.22 * z0, z0), (0.2 - 0.22 * z1, z1)], 14, look.other("#fbfbfb", INK, "yellow"))
+        return lathe([(0.2 - 0.22 * z0, z0), (0.2 - 0.22 * z1, z1)], 14, paint.other("#fbfbfb", INK, "yellow"))
 
-    hull = frustum(0.18, 0.035, 0.66, (0, 0, 0.06), 14, look.main)
-    return concatenate([block((0.5, 0.5, 0.06), (0, 0, 0.03), look.main), hull, band(0.26, 0.36), band(0.48, 0.55)])
+    hull = frustum(0.18, 0.035, 0.66, (0, 0, 0.06), 14, paint.main)
+    return concatenate([block((0.5, 0.5, 0.06), (0, 0, 0.03), paint.main), hull, band(0.26, 0.36), band(0.48, 0.55)])

@@ -69,6 +69,10 @@ class Models:
         self._metrics = metrics
         self._fitter = PictureFitter()
 
+    def adopt(self, targets: Mapping[str, Upstream], default: str | None) -> None:
+        """From now on these are asked."""
+        self._targets, self.default = targets, default
+
     @property
     def fingerprint(self) -> dict[str, object]:
         """What of the configuration answers depend on."""

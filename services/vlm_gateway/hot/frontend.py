@@ -69,20 +69,24 @@ class Frontend:
         origins: Origins,
     ) -> None:
         self._app = app
-        self._default = models.default or ""
-        self._keys = keys
+        self.keys = keys
         self._cache = cache
         self._metrics = metrics
         self._http = http
         self._log = request_log
-        self._limits = limits
-        self.max_body_bytes = limits.body_bytes
         self._origins = origins
-        self._models = models
+        self.models = models
         self._flights: Flights[Answered] = Flights()
         self._streams: dict[str, Broadcast] = {}
+        self.configured(limits)
+
+    def configured(self, limits: ChatLimits) -> None:
+        """The models or keys have changed, and these are the limits."""
+        self._limits = limits
+        self.max_body_bytes = limits.body_bytes
+        self._default = self.models.default or ""
         self._hashes: dict[Key, blake3] = {}
-        self._configured = blake3(FORMAT + json.dumps(models.fingerprint).encode()).digest()
+        self._configured = blake3(FORMAT + json.dumps(self.models.fingerprint).encode()).digest()
 
     @property
     def http_protocol(self) -> Callable[..., asyncio.Protocol]:
@@ -101,7 +105,7 @@ class Frontend:
             return
         counted = scope["method"] == "POST" and path.startswith("/v1/")
         try:
-            key = self._keys.of(head_of(scope["headers"]).authorization)
+            key = self.keys.of(head_of(scope["headers"]).authorization)
             if path in ADMIN_PATHS and not key.admin:
                 raise Forbidden("this key may not read the gateway's figures; use the operator's, or one with admin")
             if counted:
@@ -121,7 +125,7 @@ class Frontend:
     def _access(self, scope: Scope) -> Access:
         authorization = head_of(scope["headers"]).authorization
         try:
-            key = self._keys.of(authorization)
+            key = self.keys.of(authorization)
         except Unauthorised:
             return "wrong_token" if authorization else "missing_token"
         return "open" if key is ANYBODY else "granted"
@@ -133,7 +137,7 @@ class Frontend:
             head = exchange.head
             if head.origin is not None:
                 exchange.from_page(head, self._origins)
-            exchange.key = self._keys.of(head.authorization)
+            exchange.key = self.keys.of(head.authorization)
             exchange.key.enter()
             asking.set(exchange.key)
             try:
@@ -199,7 +203,7 @@ class Frontend:
         scanned, chat = await asyncio.to_thread(read, scanned, self._limits) if big else read(scanned, self._limits)
         if digest and not (chat.deterministic or head.cache or replay):
             digest, exchange.cache = "", "off"
-        call = ChatCall(self._models.asked(chat, exchange.key), scanned, chat, head.trace, digest)
+        call = ChatCall(self.models.asked(chat, exchange.key), scanned, chat, head.trace, digest)
         exchange.alias = call.targets[0].alias
         if replay:
             message = (
@@ -209,11 +213,11 @@ class Frontend:
         if chat.stream:
             await self._stream(call, exchange)
         elif digest:
-            landed = await self._flights.share(digest, partial(self._models.whole, call))
+            landed = await self._flights.share(digest, partial(self.models.whole, call))
             exchange.cache = "hit" if landed.shared else "miss"
             self._answer(exchange, landed.value)
         else:
-            answered = await self._models.whole(call)
+            answered = await self.models.whole(call)
             self._answer(exchange, answered)
 
     @staticmethod
@@ -258,12 +262,12 @@ class Frontend:
             if broadcast is None:
                 course = Course(exchange.alias)
                 forget = partial(self._streams.pop, call.digest, None)
-                broadcast = Broadcast(self._models.events(call, course), course, forget)
+                broadcast = Broadcast(self.models.events(call, course), course, forget)
                 self._streams[call.digest] = broadcast
             pieces, course = broadcast.read(), broadcast.course
         else:
             course = Course(exchange.alias)
-            pieces = self._models.events(call, course)
+            pieces = self.models.events(call, course)
         try:
             async for piece in pieces:
                 exchange.alias = course.alias

@@ -11,7 +11,7 @@ from contracts.sim import TruthView, VisibleObject
 from contracts.vlm_gateway import Match
 from evaluation.model_evaluation.asking import Answers, Counted, Sought
 from evaluation.model_evaluation.card import card
-from evaluation.model_evaluation.cases import Case, Front, Look
+from evaluation.model_evaluation.cases import Case, Front, RenderedLook
 from evaluation.model_evaluation.heights import Told, direct_m, stepwise_m
 from evaluation.model_evaluation.judged import judged
 from evaluation.model_evaluation.mistakes import taken_for
@@ -38,7 +38,7 @@ def thing(
     )
 
 
-def look(*things: VisibleObject, where: str = "near") -> Look:
+def look(*things: VisibleObject, where: str = "near") -> RenderedLook:
     truth = tuple(
         TruthView(
             camera=c.name,
@@ -49,7 +49,7 @@ def look(*things: VisibleObject, where: str = "near") -> Look:
         )
         for c in CAMERAS
     )
-    return Look.model_validate(
+    return RenderedLook.model_validate(
         {
             "where": where,
             "pose": POSE,
@@ -74,7 +74,9 @@ def front(number: int, floors: int, *, top: float | None = None, stand_off: floa
     )
 
 
-def case(seed: int = 1, *looks: Look, fronts: Sequence[Front] = (), strange: bool = False, floor: int = 4) -> Case:
+def case(
+    seed: int = 1, *looks: RenderedLook, fronts: Sequence[Front] = (), strange: bool = False, floor: int = 4
+) -> Case:
     return Case(
         seed=seed,
         object="red mug",

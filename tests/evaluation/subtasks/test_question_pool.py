@@ -102,7 +102,10 @@ def test_answers_survive_the_pipe() -> None:
         task="t-1",
         parsed=(parse.Parsed("plain", 3, "red kite", None, "red kite"),),
         counts=(floors.Count(4, None, "villa"), floors.Count(4, 3, "villa")),
-        looks=(recognition.Look("kite", "red", (view,), None), recognition.Look("kite", "red", (view,), ())),
+        looks=(
+            recognition.JudgedLook("kite", "red", (view,), None),
+            recognition.JudgedLook("kite", "red", (view,), ()),
+        ),
         choices=(choice.Choice({"a": 3.5, "c": None}, "c"),),
         skipped=2,
         model="by hand",

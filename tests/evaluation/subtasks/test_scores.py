@@ -10,7 +10,7 @@ from evaluation.subtasks.choice import Choice
 from evaluation.subtasks.figures import bin_of
 from evaluation.subtasks.floors import Count
 from evaluation.subtasks.parse import Parsed
-from evaluation.subtasks.recognition import Look
+from evaluation.subtasks.recognition import JudgedLook
 from tests.cameras import NAMES
 
 BOX = Box(x_min=0.4, y_min=0.4, x_max=0.5, y_max=0.5)
@@ -39,8 +39,8 @@ def match(box: Box = BOX, heading: int = 0) -> Match:
     return Match(camera=NAMES[heading], box=box)
 
 
-def look(*views: TruthView, matches: tuple[Match, ...] | None = ()) -> Look:
-    return Look("vase", "blue", views, matches)
+def look(*views: TruthView, matches: tuple[Match, ...] | None = ()) -> JudgedLook:
+    return JudgedLook("vase", "blue", views, matches)
 
 
 @pytest.mark.parametrize(
