@@ -13,14 +13,6 @@ from starlette.types import Receive
 
 from contracts.gateway_usage import UsageReport
 from contracts.vlm_gateway import (
-    BuildingBoxAnswer,
-    BuildingBoxQuestion,
-    ChooseDirectionAnswer,
-    ChooseDirectionQuestion,
-    FindObjectAnswer,
-    FindObjectQuestion,
-    FloorCountAnswer,
-    FloorCountQuestion,
     PreflightAnswer,
     PreflightQuestion,
     Question,
@@ -41,7 +33,7 @@ from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.server import PATH
 from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
-from services.vlm_gateway.question_extensions import TypedQuestion
+from services.vlm_gateway.questions import Kind
 from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.report import report
@@ -118,28 +110,8 @@ def build_app(
         """Before take-off: is there such a model, and can it recognise this object? The model is not run."""
         return await gateway.preflight(question)
 
-    @app.post("/v1/floor-count", response_model=FloorCountAnswer)
-    async def floor_count(question: FloorCountQuestion, request: Request) -> Response:
-        """How many floors are visible in the picture?"""
-        return await ask(question, request)
-
-    @app.post("/v1/building-box", response_model=BuildingBoxAnswer)
-    async def building_box(question: BuildingBoxQuestion, request: Request) -> Response:
-        """Where in the picture is the building?"""
-        return await ask(question, request)
-
-    @app.post("/v1/find-object", response_model=FindObjectAnswer)
-    async def find_object(question: FindObjectQuestion, request: Request) -> Response:
-        """In which of the views is the object visible, and where?"""
-        return await ask(question, request)
-
-    @app.post("/v1/choose-direction", response_model=ChooseDirectionAnswer)
-    async def choose_direction(question: ChooseDirectionQuestion, request: Request) -> Response:
-        """Towards which of the marked points should the drone fly?"""
-        return await ask(question, request)
-
-    for more in gateway.more_questions:
-        _add_route(app, more, ask)
+    for kind in gateway.kinds:
+        _add_route(app, kind, ask)
 
     @app.post(PATH, response_model=None)
     async def chat_completions(body: dict[str, Any]) -> Response:
@@ -207,19 +179,13 @@ def build_app(
     )
 
 
-def _add_route(app: FastAPI, more: TypedQuestion, ask: Callable[[Question, Request], Awaitable[Response]]) -> None:
+def _add_route(app: FastAPI, kind: Kind, ask: Callable[[Question, Request], Awaitable[Response]]) -> None:
     async def route(question: Question, request: Request) -> Response:
         return await ask(question, request)
 
-    route.__annotations__["question"] = more.question  # by which the framework reads the body
-    app.add_api_route(
-        f"/v1/{more.kind.path}",
-        route,
-        methods=["POST"],
-        name=more.kind.path.replace("-", "_"),
-        description=more.about,
-        response_model=more.kind.answer,
-    )
+    route.__annotations__["question"] = kind.question  # by which the framework reads the body
+    name = kind.path.replace("-", "_")
+    app.post(f"/v1/{kind.path}", response_model=kind.answer, name=name, description=kind.about)(route)
 
 
 async def _within(request: Request, work: Coroutine[Any, Any, T]) -> T:

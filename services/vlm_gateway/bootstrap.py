@@ -34,6 +34,7 @@ from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.keys import Keys
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.question_extensions import extension_questions
+from services.vlm_gateway.questions import KINDS
 from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.settings import GatewaySettings
 from services.vlm_gateway.upstream.client import Upstream
@@ -62,7 +63,7 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
     now = configured(settings, environment, figures)
     cache = _guarded_cache(settings, figures)
     accounts = Accounts(Ledger(usage_store_of(settings), figures.usage_failed), now.prices, figures)
-    gateway = Gateway(now.backends, now.roles, cache, figures, accounts, extension_questions())
+    gateway = Gateway(now.backends, now.roles, cache, figures, accounts, (*KINDS, *extension_questions()))
     origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
 
     def reload() -> list[Backend]:

@@ -18,7 +18,6 @@ from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorde
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.keys import Forbidden, asking
 from services.vlm_gateway.metrics import GatewayMetrics
-from services.vlm_gateway.question_extensions import TypedQuestion
 from services.vlm_gateway.questions import KINDS, Kind, Prepared
 from services.vlm_gateway.upstream.replies import Spent
 from services.vlm_gateway.usage.accounts import Accounts, estimated
@@ -34,7 +33,7 @@ class Found(NamedTuple):
 
 class Gateway:
     """`backends` by alias; `roles` names the alias that answers where a question names none; without `cache` every
-    question is asked anew; `more_questions` are those that other packages bring."""
+    question is asked anew; `kinds` are the typed questions there are."""
 
     def __init__(
         self,
@@ -43,15 +42,15 @@ class Gateway:
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
         accounts: Accounts,
-        more_questions: Sequence[TypedQuestion] = (),
+        kinds: Sequence[Kind] = KINDS,
     ) -> None:
         self.backends = backends
         self.roles = roles
         self.cache = cache
         self.metrics = metrics
         self.accounts = accounts
-        self.more_questions = more_questions
-        self._kinds = KINDS | {more.question: more.kind for more in more_questions}
+        self.kinds = kinds
+        self._kind_of = {kind.question: kind for kind in kinds}
         self._flights: Flights[Found] = Flights()
 
     def adopt(self, backends: Mapping[str, Backend], roles: Mapping[Role, str]) -> None:
@@ -61,7 +60,7 @@ class Gateway:
     async def answer(self, question: Question) -> Answer:
         """The model's answer, or the recorded one. Raises BadQuestion, or the errors of `services.vlm_gateway.errors`
         where no answer came at all."""
-        kind = self._kinds[type(question)]
+        kind = self._kind_of[type(question)]
         alias = self.alias(question.model, kind.role)
         backend = self.backends[alias]
         if isinstance(backend, LazyBackend):

@@ -1,12 +1,13 @@
 """Typed questions of other packages: routes beside the four, with the same cache, limits, metrics and outcomes.
 
-An entry point (group `logisticsvln.typed_questions`) names a `TypedQuestion`; the entry point's name is the route,
-`POST /v1/<name>`. Whoever answers is up to the question: any chat model by `AsksInWords`, a back end of the package's
-own by a method of its own. A back end that can't answer is told from one that says no: `cannot_answer`.
+An entry point (group `logisticsvln.typed_questions`) names a `questions.Kind`; the entry point's name is its path, and
+so its route `POST /v1/<name>`. Whoever answers is up to the question: any chat model by `AsksInWords`, a back end
+of the package's own by a method of its own. A back end that can't answer is told from one that says no
+(`cannot_answer`).
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Protocol, TypeVar, runtime_checkable
 
 from contracts.vlm_gateway import Answer, Question
 from service_kit.errors import BadQuestion
@@ -17,17 +18,9 @@ from services.vlm_gateway.questions import KINDS, Kind
 
 T = TypeVar("T")
 TAKEN = (
-    *(kind.path for kind in KINDS.values()),
+    *(kind.path for kind in KINDS),
     *("preflight", "models", "status", "usage", "chat", "completions", "embeddings", "responses", "messages"),
 )
-
-
-class TypedQuestion(NamedTuple):
-    """`about` is one sentence for the API's description; `kind.path` is replaced by the entry point's name."""
-
-    question: type[Question]
-    kind: Kind
-    about: str
 
 
 @runtime_checkable
@@ -57,16 +50,16 @@ def cannot_answer(backend: Backend) -> BadQuestion:
     )
 
 
-def extension_questions() -> tuple[TypedQuestion, ...]:
+def extension_questions() -> tuple[Kind, ...]:
     """Of all installed packages. Raises BadExtension."""
-    found: dict[type[Question], TypedQuestion] = {}
+    found: dict[type[Question], Kind] = {kind.question: kind for kind in KINDS}
     for name, point in extensions(TYPED_QUESTIONS, reserved=TAKEN).items():
-        asked = loaded(point)
-        if not isinstance(asked, TypedQuestion):
-            raise BadExtension(f"{point.value} ({name!r}) is no TypedQuestion but {type(asked).__name__}")
-        if not issubclass(asked.question, Question) or not issubclass(asked.kind.answer, Answer):
+        kind = loaded(point)
+        if not isinstance(kind, Kind):
+            raise BadExtension(f"{point.value} ({name!r}) is no services.vlm_gateway.questions.Kind")
+        if not issubclass(kind.question, Question) or not issubclass(kind.answer, Answer):
             raise BadExtension(f"{point.value} ({name!r}) asks no contracts.vlm_gateway.Question, or gets no Answer")
-        if asked.question in KINDS or asked.question in found:
-            raise BadExtension(f"{point.value} ({name!r}): {asked.question.__name__} is asked by another route already")
-        found[asked.question] = asked._replace(kind=asked.kind._replace(path=name))
-    return tuple(found.values())
+        if kind.question in found:
+            raise BadExtension(f"{point.value} ({name!r}): {kind.question.__name__} is asked by another route already")
+        found[kind.question] = kind._replace(path=name)
+    return tuple(found.values())[len(KINDS) :]

@@ -44,10 +44,13 @@ class Prepared(NamedTuple):
 
 
 class Kind(NamedTuple):
-    """One of the four questions. `fields` are the content of an answered reply in the answer's words."""
+    """A typed question, at `POST /v1/<path>`. `fields` are the content of an answered reply in the answer's words;
+    `about` is one sentence for the API's description."""
 
     path: str
+    about: str
     role: Role
+    question: type[Question]
     answer: type[Answer]
     prepare: Callable[[Any], Prepared]
     fields: Callable[[Any], dict[str, object]]
@@ -115,9 +118,41 @@ def _direction_fields(content: Direction | None) -> dict[str, object]:
     return {} if content is None else {"label": content.label}
 
 
-KINDS: dict[type[Question], Kind] = {
-    FloorCountQuestion: Kind("floor-count", "floors", FloorCountAnswer, _floors, _floors_fields),
-    BuildingBoxQuestion: Kind("building-box", "floors", BuildingBoxAnswer, _building, _building_fields),
-    FindObjectQuestion: Kind("find-object", "recognition", FindObjectAnswer, _object, _object_fields),
-    ChooseDirectionQuestion: Kind("choose-direction", "choice", ChooseDirectionAnswer, _direction, _direction_fields),
-}
+KINDS: tuple[Kind, ...] = (
+    Kind(
+        path="floor-count",
+        about="How many floors are visible in the picture?",
+        role="floors",
+        question=FloorCountQuestion,
+        answer=FloorCountAnswer,
+        prepare=_floors,
+        fields=_floors_fields,
+    ),
+    Kind(
+        path="building-box",
+        about="Where in the picture is the building?",
+        role="floors",
+        question=BuildingBoxQuestion,
+        answer=BuildingBoxAnswer,
+        prepare=_building,
+        fields=_building_fields,
+    ),
+    Kind(
+        path="find-object",
+        about="In which of the views is the object visible, and where?",
+        role="recognition",
+        question=FindObjectQuestion,
+        answer=FindObjectAnswer,
+        prepare=_object,
+        fields=_object_fields,
+    ),
+    Kind(
+        path="choose-direction",
+        about="Towards which of the marked points should the drone fly?",
+        role="choice",
+        question=ChooseDirectionQuestion,
+        answer=ChooseDirectionAnswer,
+        prepare=_direction,
+        fields=_direction_fields,
+    ),
+)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from contracts.event_data import LostData, NoData
-from contracts.events import Event, LookEvent
+from contracts.events import Event, LookEvent, UnknownEvent
 from contracts.geometry import Point3
 from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.policies import completed
@@ -139,3 +139,17 @@ def test_a_state_is_read_as_it_was_kept_and_one_of_another_version_is_refused(tm
     path.write_text(path.read_text().replace('"version":1', '"version":2'))
     with pytest.raises(ValueError, match="version"):
         read_state(tmp_path / "d")
+
+
+def test_an_event_of_an_unknown_kind_does_not_end_the_record(tmp_path: Path) -> None:
+    record = record_in(tmp_path / "d")
+    record.write(1, "parse", "one", NoData())
+    record.close()
+    newer = {"number": 2, "time_s": 1.0, "phase": "charging", "kind": "charged", "message": "full", "data": {"v": 1}}
+    last = {"number": 3, "time_s": 2.0, "phase": "parse", "kind": "phase", "message": "three", "data": {}}
+    with (tmp_path / "d" / "events.jsonl").open("a") as file:
+        file.write(json.dumps(newer) + "\n" + json.dumps(last) + "\n")
+    events = read_events(tmp_path / "d")
+    assert [(e.number, e.kind, e.message) for e in events[1:]] == [(2, "charged", "full"), (3, "phase", "three")]
+    assert isinstance(events[1], UnknownEvent)
+    assert events[1].data == {"v": 1}

@@ -7,7 +7,7 @@ from contracts.vlm_gateway import Answer, Question
 from services.vlm_gateway.backends.base import Backend, Picture, Reply
 from services.vlm_gateway.chat.schemas import Declined, Form, Unreadable
 from services.vlm_gateway.pictures import picture_of
-from services.vlm_gateway.question_extensions import TypedQuestion, in_words
+from services.vlm_gateway.question_extensions import in_words
 from services.vlm_gateway.questions import Kind, Prepared
 
 VERSION = 1
@@ -58,8 +58,12 @@ def prepare(question: BalconyCountQuestion) -> Prepared:
     return Prepared({"version": VERSION}, (picture,), ask)
 
 
-QUESTION = TypedQuestion(
-    BalconyCountQuestion,
-    Kind("balcony-count", "recognition", BalconyCountAnswer, prepare, lambda count: {"balconies": count}),
-    "How many balconies are visible in the picture?",
+QUESTION = Kind(
+    path="balcony-count",
+    about="How many balconies are visible in the picture?",
+    role="recognition",
+    question=BalconyCountQuestion,
+    answer=BalconyCountAnswer,
+    prepare=prepare,
+    fields=lambda count: {"balconies": count},
 )
