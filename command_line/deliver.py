@@ -123,7 +123,7 @@ async def _deliver(
         clients = await stack.enter_async_context(Services(at, tokens))
         await check_flight(clients, backend)
         run = Run(order, out, listener=view.show)
-        return run, await run.fly(clients.ports(), clients.trial())
+        return run, await run.fly(clients.simulated())
 
 
 def read_scene(path: Path) -> Scene:

@@ -23,13 +23,15 @@ BackendKind = Name
 """`embedded`, `chat`, `oracle`, `scripted`, or the name under which another package brings its back end."""
 
 
+ORACLE_VEHICLE_HEADER = "x-oracle-vehicle"
+"""The HTTP header by which whoever runs the oracle names the simulator's vehicle that took the pictures. Only the
+`oracle` back end reads it; no other model and no cache ever sees it."""
+
+
 class Question(Wire):
-    """`model` names an alias of the gateway's configuration; without it the role's default answers.
-    `oracle_episode` names the simulator's episode; only the `oracle` back end reads it, and it is no part of what
-    any other model sees."""
+    """`model` names an alias of the gateway's configuration; without it the role's default answers."""
 
     model: Name | None = None
-    oracle_episode: Name | None = None
 
 
 class PreflightQuestion(Wire):

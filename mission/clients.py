@@ -1,7 +1,8 @@
 """The ports over HTTP: one class a service, one line a route, a deadline on every call."""
 
+from dataclasses import dataclass
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel
 
@@ -17,6 +18,7 @@ from contracts.depth_assist import (
 )
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.vlm_gateway import (
+    ORACLE_VEHICLE_HEADER,
     BuildingBoxAnswer,
     BuildingBoxQuestion,
     ChooseDirectionAnswer,
@@ -41,7 +43,6 @@ M = TypeVar("M", bound=BaseModel)
 MODEL_DEADLINE_S = 180.0
 WORLD_DEADLINE_S = 60.0
 DEPTH_DEADLINE_S = 30.0
-END_DEADLINE_S = 5.0
 
 
 class HttpParser:
@@ -52,9 +53,27 @@ class HttpParser:
         return await reached(self._client.call("POST", "/v1/parse", ParseAnswer, question))
 
 
+@dataclass
+class AskedVehicle:
+    """The simulator's vehicle whose pictures a mission asks about; the gateway's oracle needs its name."""
+
+    name: str | None = None
+
+    def board(self, name: str) -> None:
+        """From now on it is this one."""
+        self.name = name
+
+    @property
+    def headers(self) -> dict[str, str]:
+        return {ORACLE_VEHICLE_HEADER: self.name} if self.name is not None else {}
+
+
 class HttpVision:
-    def __init__(self, client: ServiceClient) -> None:
+    """`about`: the vehicle, where it is a simulator's."""
+
+    def __init__(self, client: ServiceClient, about: AskedVehicle | None = None) -> None:
         self._client = client
+        self._about = about or AskedVehicle()
 
     async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:
         return await self._ask("/v1/preflight", PreflightAnswer, question)
@@ -72,7 +91,7 @@ class HttpVision:
         return await self._ask("/v1/choose-direction", ChooseDirectionAnswer, question)
 
     async def _ask(self, path: str, answer: type[M], question: BaseModel) -> M:
-        return await reached(self._client.call("POST", path, answer, question))
+        return await reached(self._client.call("POST", path, answer, question, headers=self._about.headers))
 
 
 class HttpDepthAssist:
@@ -90,6 +109,13 @@ class HttpDepthAssist:
 
     async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
         return await reached(self._client.call("POST", "/v1/explore", ExploreAnswer, question))
+
+
+class Simulated(NamedTuple):
+    """What one mission in the simulator is flown with."""
+
+    ports: Ports
+    trial: Trial
 
 
 class Services:
@@ -111,16 +137,22 @@ class Services:
     def all(self) -> tuple[ServiceClient, ...]:
         return (self.llm_parser, self.vlm_gateway, self.depth_assist, self.sim)
 
-    def ports(self) -> Ports:
+    def ports(self, about: AskedVehicle | None = None) -> Ports:
+        """The services that a mission asks, about pictures of a simulator's vehicle where it is one."""
         return Ports(
             parser=HttpParser(self.llm_parser),
-            vision=HttpVision(self.vlm_gateway),
+            vision=HttpVision(self.vlm_gateway, about),
             depth=HttpDepthAssist(self.depth_assist),
         )
 
     def trial(self) -> Trial:
         """The simulator that judges."""
         return SimulatorTrial(self.sim)
+
+    def simulated(self) -> Simulated:
+        """Ports and trial for one mission: the gateway is told which of the simulator's vehicles it is asked about."""
+        about = AskedVehicle()
+        return Simulated(self.ports(about), SimulatorTrial(self.sim, about.board))
 
     async def close(self) -> None:
         for client in self.all:

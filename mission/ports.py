@@ -7,7 +7,6 @@ PortError               a port brought no answer of its contract
   ServiceRefused        the service answered with an error of its own
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -22,8 +21,6 @@ from contracts.depth_assist import (
     ViewpointQuestion,
 )
 from contracts.llm_parser import ParseAnswer, ParseQuestion
-from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
-from contracts.vehicle import Move, MoveResult, Observation
 from contracts.vlm_gateway import (
     BuildingBoxAnswer,
     BuildingBoxQuestion,
@@ -95,24 +92,6 @@ class DepthAssist(Protocol):
     async def approach(self, question: ApproachQuestion) -> ApproachAnswer: ...
 
     async def explore(self, question: ExploreQuestion) -> ExploreAnswer: ...
-
-
-class World(Protocol):
-    """Where the drone flies: a simulator, or a vehicle. It judges a claim; it never tells the truth to a mission."""
-
-    async def start(self, question: EpisodeQuestion) -> Episode: ...
-
-    async def observe(self, episode: str, cameras: Sequence[str]) -> Observation: ...
-
-    async def move(self, episode: str, number: int, move: Move) -> MoveResult:
-        """Move `number` (1, 2, ...); the same number again is the same move."""
-        ...
-
-    async def claim(self, episode: str, claim: Claim) -> Verdict: ...
-
-    async def end(self, episode: str) -> None:
-        """Gives the episode back; one that is gone already is no error."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,6 @@ from service_kit.settings import revealed
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     """The app as the settings want it."""
     services = Services(settings.addresses, settings.tokens)
-    deliveries = Deliveries(
-        services.ports(), services.trial(), settings.runs_dir, max_live=settings.max_live_deliveries
-    )
+    deliveries = Deliveries(services.simulated, settings.runs_dir, max_live=settings.max_live_deliveries)
     checks = {client.service: client.usable for client in services.all}
     return build_app(deliveries, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)

@@ -3,15 +3,15 @@
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
 from contracts.vlm_gateway import PreflightQuestion
-from mission.ports import PortError, Ports, ServiceRefused, UnknownModel
+from mission.clients import Simulated
+from mission.ports import PortError, ServiceRefused, UnknownModel
 from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
-from mission.vehicle import Trial
 from orchestrator.delivery import BadDelivery, Order, Run
 from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
 
@@ -57,9 +57,10 @@ class LiveDelivery:
 class Deliveries:
     """Takes, lists and cancels deliveries; `runs` is the folder of the records."""
 
-    def __init__(self, ports: Ports, trial: Trial, runs: Path, *, max_live: int = 2, max_listed: int = 200) -> None:
-        self._ports = ports
-        self._trial = trial
+    def __init__(
+        self, services: Callable[[], Simulated], runs: Path, *, max_live: int = 2, max_listed: int = 200
+    ) -> None:
+        self._services = services
         self._runs = runs
         self._max_live = max_live
         self._max_listed = max_listed
@@ -101,7 +102,7 @@ class Deliveries:
         question = PreflightQuestion(model=order.settings.vision_model)
         with contextlib.suppress(PortError, TimeoutError):
             try:
-                await asyncio.wait_for(self._ports.vision.preflight(question), PREFLIGHT_S)
+                await asyncio.wait_for(self._services().ports.vision.preflight(question), PREFLIGHT_S)
             except UnknownModel as error:
                 raise BadQuestion(str(error), code="unknown_model") from None
             except ServiceRefused as error:
@@ -110,7 +111,7 @@ class Deliveries:
 
     async def _fly(self, live: LiveDelivery) -> None:
         try:
-            live.result = await live.run.fly(self._ports, self._trial)
+            live.result = await live.run.fly(self._services())
         except Exception:
             log.exception("delivery %s broke off", live.run.id)
             live.result = cut_off(len(live.events))

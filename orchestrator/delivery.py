@@ -10,10 +10,10 @@ from contracts.cameras import default_rig
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
+from mission.clients import Simulated
 from mission.mission import Mission
 from mission.placement import InTrial
 from mission.policies import BadSearch, completed
-from mission.ports import Ports
 from mission.record import Record, new_id, now, read_state
 from mission.state import begin
 from mission.vehicle import Trial
@@ -102,12 +102,13 @@ class Run:
     def id(self) -> str:
         return self.record.delivery.id
 
-    async def fly(self, ports: Ports, trial: Trial) -> DeliveryResult:
+    async def fly(self, services: Simulated) -> DeliveryResult:
         """Flies from where the record's state is, and completes the record. Cancelling the task ends the flight, not
         the record."""
         order = self._order
         try:
-            mission = Mission(ports, order.placed(trial), order.settings, self.record, keep=self.record.keep)
+            placement = order.placed(services.trial)
+            mission = Mission(services.ports, placement, order.settings, self.record, keep=self.record.keep)
             result = await mission.go_on(read_state(self.record.folder) or begin(order.request))
             self.record.conclude(result)
             await self._draw()

@@ -81,11 +81,12 @@ class ServiceClient:
         question: BaseModel | None = None,
         *,
         params: dict[str, str] | None = None,
+        headers: dict[str, str] | None = None,
         timeout_s: float | None = None,
     ) -> M:
         """One call. Raises Unreachable, Refused or Garbled; never another error of the network's."""
         body = None if question is None else question.model_dump_json().encode()
-        status, data = await self._exchange(method, path, body, params, timeout_s or self._timeout_s)
+        status, data = await self._exchange(method, path, body, params, timeout_s or self._timeout_s, headers)
         if status >= 400:
             raise self._refused(status, data)
         try:
@@ -148,11 +149,17 @@ class ServiceClient:
         await self.close()
 
     async def _exchange(
-        self, method: str, path: str, body: bytes | None, params: dict[str, str] | None, timeout_s: float
+        self,
+        method: str,
+        path: str,
+        body: bytes | None,
+        params: dict[str, str] | None,
+        timeout_s: float,
+        more_headers: dict[str, str] | None = None,
     ) -> tuple[int, bytes]:
         if self._session is None:
             self._session = aiohttp.ClientSession(headers=self._headers, trust_env=False)
-        headers = {"Content-Type": "application/json"} if body is not None else None
+        headers = dict(more_headers or {}) | ({"Content-Type": "application/json"} if body is not None else {})
         limit = aiohttp.ClientTimeout(total=timeout_s)
         try:
             async with self._session.request(

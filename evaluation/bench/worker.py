@@ -191,7 +191,9 @@ class Worker:
         record = self._record(task, settings, folder) if folder is not None else None
         log: Log = record or Unwritten()
         try:
-            mission = Mission(services.ports(), self._placement(services.trial(), order), settings, log)
+            simulated = services.simulated()
+            placement = self._placement(simulated.trial, order, services.trial())
+            mission = Mission(simulated.ports, placement, settings, log)
             flight = asyncio.create_task(mission.fly(task.request, self._key(task)))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
@@ -215,13 +217,13 @@ class Worker:
         """Of the task's trial in these services."""
         return uuid5(self._session, task.id).hex
 
-    def _placement(self, trial: Trial, order: Order) -> Prefetched:
+    def _placement(self, trial: Trial, order: Order, next_trial: Trial) -> Prefetched:
         flight = self._job.mission.flight
         rig = default_rig().scaled_to(self._job.mission.image_size)
 
         def begin_next() -> None:
             if (task := order.upcoming) is not None:
-                self._opening = asyncio.create_task(trial.begin(self._key(task), task.scene, flight, rig))
+                self._opening = asyncio.create_task(next_trial.begin(self._key(task), task.scene, flight, rig))
 
         opening, self._opening = self._opening, None
         return Prefetched(trial, order.task.scene, flight, rig, opening, begin_next)

@@ -3,7 +3,7 @@
 import contextlib
 import zlib
 from collections.abc import Awaitable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import contextmanager
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -36,6 +36,7 @@ from evaluation.subtasks.stage import Stage, staged
 from evaluation.subtasks.stops import Stop, before_goal, before_start, on_lap
 from evaluation.task_set.task import Task
 from mission.annotation import mark_points
+from mission.clients import AskedVehicle
 from mission.model_calls import Answered, CallBook
 from mission.places import ahead
 from mission.policies import policy_of
@@ -113,8 +114,11 @@ def scored(subtask: Subtask, plan: Plan, asked: Sequence[Asked], wall_s: float) 
 class Examiner:
     """Asks through the same ports as a mission, so that nothing about a question differs from a flight's."""
 
-    def __init__(self, plan: Plan, ports: Ports, simulator: SimClient | None) -> None:
-        """`simulator` must tell the truth; the parser's subtask needs none."""
+    def __init__(
+        self, plan: Plan, ports: Ports, simulator: SimClient | None, about: AskedVehicle | None = None
+    ) -> None:
+        """`simulator` must tell the truth; the parser's subtask needs none. `about` is told whose pictures they are."""
+        self._about = about or AskedVehicle()
         self._plan = plan
         self._ports = ports
         self._simulator = simulator
@@ -153,7 +157,6 @@ class Examiner:
                 truth = stage.truth(FRONT)[0].floors_visible
                 question = FloorCountQuestion(
                     model=self._plan.backend,
-                    oracle_episode=stage.episode,
                     image=seen.views[0].image,
                     camera=seen.views[0].camera,
                 )
@@ -171,7 +174,6 @@ class Examiner:
                 seen, truth = stage.look(), stage.truth()
                 question = FindObjectQuestion(
                     model=self._plan.backend,
-                    oracle_episode=stage.episode,
                     object=task.object,
                     views=tuple(View(camera=view.camera, image=view.image) for view in seen.views),
                 )
@@ -230,7 +232,6 @@ class Examiner:
         points = marks_of(offered)
         question = ChooseDirectionQuestion(
             model=self._plan.backend,
-            oracle_episode=stage.episode,
             camera=camera,
             image=encode_jpeg(mark_points(picture, points)),
             points=points,
@@ -246,10 +247,13 @@ class Examiner:
         self._model = reply.answer.model
         return reply.answer if isinstance(reply, Answered) else None
 
-    def _stage(self, task: Task) -> AbstractContextManager[Stage]:
+    @contextmanager
+    def _stage(self, task: Task) -> Iterator[Stage]:
         if self._simulator is None:
             raise ValueError("this subtask needs a simulator that tells the truth")
-        return staged(self._simulator, task.scene, self._plan.size)
+        with staged(self._simulator, task.scene, self._plan.size) as stage:
+            self._about.board(stage.episode)
+            yield stage
 
     def _reached(self, stage: Stage, stops: Sequence[Stop]) -> Iterator[Stop]:
         """Flies from stop to stop; those that something is in the way of are counted and left out."""

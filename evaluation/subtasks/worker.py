@@ -15,7 +15,7 @@ from evaluation.subtasks.figures import Subtask
 from evaluation.subtasks.run import Asked, Examiner, Plan
 from evaluation.task_set.task import Task
 from launcher.processes import Processes, free_ports
-from mission.clients import Services
+from mission.clients import AskedVehicle, Services
 from mission.ports import PortError
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
@@ -70,7 +70,8 @@ class Worker:
         tokens = Connections.read(environment).tokens
         self._services = Services(addresses, tokens)
         simulator = SimClient(addresses.sim, tokens.sim) if "sim" in ports else None
-        self._examiner = Examiner(job.plan, self._services.ports(), simulator)
+        about = AskedVehicle()
+        self._examiner = Examiner(job.plan, self._services.ports(about), simulator, about)
 
     async def answer(self, line: bytes, gone: asyncio.Event) -> Asked | None:
         """A question that could not be put comes back as the answer's `problem`. Raises pydantic.ValidationError."""

@@ -89,9 +89,6 @@ class SearchTools(Protocol):
     def vision_model(self) -> str | None: ...
 
     @property
-    def oracle_episode(self) -> str | None: ...
-
-    @property
     def fallback_turn_deg(self) -> float:
         """How far to turn left where no way is free."""
         ...

@@ -142,7 +142,6 @@ class PointsPlan(Plan):
             return _centre(offered, self._settings.min_move_m)
         question = ChooseDirectionQuestion(
             model=self._tools.vision_model,
-            oracle_episode=self._tools.oracle_episode,
             camera=self._ways.camera,
             image=self._ways.marked,
             points=marks_of(offered),

@@ -49,7 +49,6 @@ async def count_floors(step: Step, sight: Sight) -> Count:
     step.count_stop()
     question = FloorCountQuestion(
         model=step.settings.vision_model,
-        oracle_episode=step.state.vehicle,
         image=sight.view.image,
         camera=sight.view.camera,
     )

@@ -115,7 +115,6 @@ async def box_building(step: Step) -> LookRound:
     step.count_stop()
     question = BuildingBoxQuestion(
         model=step.settings.vision_model,
-        oracle_episode=step.state.vehicle,
         image=sight.view.image,
         camera=sight.view.camera,
     )

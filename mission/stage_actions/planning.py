@@ -27,7 +27,6 @@ class StepTools:
         self.exploration_step = step.state.exploration_steps
         self.seed = step.settings.seed * 1000 + step.state.exploration_steps
         self.vision_model = step.settings.vision_model
-        self.oracle_episode = step.state.vehicle
         self.fallback_turn_deg = step.settings.fallback_turn_deg
 
     async def viewpoint(self, question: ViewpointQuestion) -> ViewpointAnswer:

@@ -41,7 +41,6 @@ async def search(
     step.count_stop()
     question = FindObjectQuestion(
         model=step.settings.vision_model,
-        oracle_episode=step.state.vehicle,
         object=step.state.object or "",
         views=tuple(View(camera=s.view.camera, image=s.view.image) for s in look.all),
     )

@@ -4,25 +4,28 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
 from prometheus_client.core import Metric
 from starlette.types import Receive
 
 from contracts.gateway_usage import UsageReport
 from contracts.vlm_gateway import (
+    ORACLE_VEHICLE_HEADER,
     PreflightAnswer,
     PreflightQuestion,
     Question,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion, NotFound, ServiceError
+from service_kit.errors import BadQuestion, NotFound, ServiceError, error_response
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins
 from services.vlm_gateway.backends.base import Backend
+from services.vlm_gateway.backends.oracle import asked_vehicle
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
 from services.vlm_gateway.gateway import Gateway
@@ -37,6 +40,8 @@ from services.vlm_gateway.questions import Kind
 from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.report import report
+
+FORMER_VEHICLE_FIELD = "oracle_episode"
 
 T = TypeVar("T")
 
@@ -98,8 +103,10 @@ def build_app(
     )
     app.router.route_class = JsonRoute
     gateway.metrics.watch(lambda: _gauges(chat_targets(gateway.backends)))
+    _refuse_vehicles_in_bodies(app)
 
     async def ask(question: Question, request: Request) -> Response:
+        asked_vehicle.set(request.headers.get(ORACLE_VEHICLE_HEADER))
         answer = await _within(request, gateway.answer(question))
         response = json_response(answer)
         response.headers["x-cache"] = answer.cache
@@ -186,6 +193,18 @@ def _add_route(app: FastAPI, kind: Kind, ask: Callable[[Question, Request], Awai
     route.__annotations__["question"] = kind.question  # by which the framework reads the body
     name = kind.path.replace("-", "_")
     app.post(f"/v1/{kind.path}", response_model=kind.answer, name=name, description=kind.about)(route)
+
+
+def _refuse_vehicles_in_bodies(app: FastAPI) -> None:
+    """Questions used to name the oracle's vehicle in a field; whoever still does is told where it belongs."""
+    usual = cast(Callable[[Request, Exception], Awaitable[Response]], app.exception_handlers[RequestValidationError])
+    right = f"{FORMER_VEHICLE_FIELD}: there is no such field; name the vehicle in the header {ORACLE_VEHICLE_HEADER}"
+
+    @app.exception_handler(RequestValidationError)
+    async def refuse(request: Request, error: RequestValidationError) -> Response:
+        if any(found["loc"][-1] == FORMER_VEHICLE_FIELD for found in error.errors()):
+            return error_response(422, "named_in_a_header", right)
+        return await usual(request, error)
 
 
 async def _within(request: Request, work: Coroutine[Any, Any, T]) -> T:

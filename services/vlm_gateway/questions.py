@@ -58,13 +58,13 @@ class Kind(NamedTuple):
 
 def _floors(question: FloorCountQuestion) -> Prepared:
     picture = picture_of(question.image)
-    ask = FloorsAsk(picture, question.camera, question.oracle_episode)
+    ask = FloorsAsk(picture, question.camera)
     return Prepared(_taken_by(question.camera), (picture,), lambda backend: backend.count_floors(ask))
 
 
 def _building(question: BuildingBoxQuestion) -> Prepared:
     picture = picture_of(question.image)
-    ask = BuildingAsk(picture, question.camera, question.oracle_episode)
+    ask = BuildingAsk(picture, question.camera)
     return Prepared(_taken_by(question.camera), (picture,), lambda backend: backend.find_building(ask))
 
 
@@ -73,7 +73,7 @@ def _object(question: FindObjectQuestion) -> Prepared:
     if len(set(names)) != len(names):
         raise BadQuestion(f"views: each camera's name may be given once, not {', '.join(names)}")
     views = tuple(AskedView(view.camera, picture_of(view.image)) for view in question.views)
-    ask = ObjectAsk(question.object, views, question.oracle_episode)
+    ask = ObjectAsk(question.object, views)
     words: dict[str, object] = {
         "object": question.object,
         "cameras": [view.camera.model_dump() for view in question.views],
@@ -86,7 +86,7 @@ def _direction(question: ChooseDirectionQuestion) -> Prepared:
     if len(set(labels)) != len(labels):
         raise BadQuestion("points: each label may be given once")
     picture = picture_of(question.image)
-    ask = DirectionAsk(question.camera, picture, question.points, question.task, question.oracle_episode)
+    ask = DirectionAsk(question.camera, picture, question.points, question.task)
     words: dict[str, object] = {
         "camera": question.camera.model_dump(),
         "points": [point.model_dump() for point in question.points],

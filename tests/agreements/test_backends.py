@@ -52,14 +52,14 @@ def facade() -> Picture:
 
 
 PICTURE = facade()
-FLOORS = FloorsAsk(PICTURE, square(size=400), "e1")
-BUILDING = BuildingAsk(PICTURE, square(size=400), "e1")
-OBJECT = ObjectAsk("green plate", tuple(AskedView(camera, PICTURE) for camera in default_rig().cameras), "e1")
+FLOORS = FloorsAsk(PICTURE, square(size=400))
+BUILDING = BuildingAsk(PICTURE, square(size=400))
+OBJECT = ObjectAsk("green plate", tuple(AskedView(camera, PICTURE) for camera in default_rig().cameras))
 LABELS = ("a", "b", "c")
 POINTS = tuple(
     MarkedPoint(label=label, x=x, y=0.5, distance_m=3.0) for label, x in zip(LABELS, (0.2, 0.5, 0.8), strict=True)
 )
-DIRECTION = DirectionAsk(square(90), PICTURE, POINTS, "find the green flower pot", "e1")
+DIRECTION = DirectionAsk(square(90), PICTURE, POINTS, "find the green flower pot")
 
 
 def script() -> Script:

@@ -24,7 +24,7 @@ from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from tests.conftest import Serve
 from tests.mission.block import Block, block_scene
-from tests.mission.block_vehicle import BlockTrial
+from tests.mission.block_vehicle import BlockWorld
 from tests.services.sim.conftest import build_boxes, make_yard
 from tests.services.sim.running_sim import CATALOGUE
 
@@ -58,7 +58,7 @@ async def simulator_trial(simulator: str) -> AsyncIterator[Judged]:
 @asynccontextmanager
 async def block_trial(simulator: str) -> AsyncIterator[Judged]:
     block = Block()
-    yield Judged(BlockTrial(block, pace=PACE), block_scene(block))
+    yield Judged(BlockWorld(block, pace=PACE), block_scene(block))
 
 
 TRIALS: dict[str, Callable[[str], AbstractAsyncContextManager[Judged]]] = {

@@ -8,8 +8,11 @@ from rich.console import Console
 from command_line.delivery_view import LiveView, PlainView, print_result
 from contracts.events import Event, ResultEvent
 from contracts.orchestrator import DeliveryQuestion
+from mission.clients import Simulated
 from orchestrator.delivery import Order, Run
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
+from tests.mission.block import Block, block_scene
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import block_ports
 
 REQUEST = "floor 4, [bold] the green flower pot"
 
@@ -19,7 +22,7 @@ async def flown(tmp_path: Path) -> tuple[list[Event], Run]:
     events: list[Event] = []
     question = DeliveryQuestion(request=REQUEST, scene=block_scene(world.block))
     run = Run(Order(question), tmp_path, listener=events.append)
-    await run.fly(block_ports(world), block_trial(world))
+    await run.fly(Simulated(block_ports(world), world))
     return events, run
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.cameras import Camera
-from contracts.geometry import Point2, Point3, Pose
+from contracts.geometry import Box, Point2, Point3, Pose
 from contracts.scene import Building, Scene, Start
 
 SIZE = 120
@@ -64,6 +64,22 @@ class Block:
         down = (np.arange(camera.height) + 0.5 - camera.cy_px) / camera.fy_px
         rays = ahead + across[None, :, None] * right - down[:, None, None] * over
         return self.cast((pose.x, pose.y, pose.z), rays)
+
+    def sees(self, pose: Pose, camera: Camera, thing: tuple[float, float, float] | None = None) -> Box | None:
+        """The box (0.8 m each way) of a thing, the block's unless told, in a level view; null where it is out of the
+        picture or behind a block."""
+        forward, right = axes(pose, camera.heading_deg)
+        gap = np.subtract(thing or self.thing, (pose.x, pose.y, pose.z))
+        ahead, aside = float(gap @ forward), float(gap @ right)
+        if ahead < 0.3 or math.hypot(*gap) > 16.0:
+            return None
+        x = (camera.cx_px + camera.fx_px * aside / ahead) / camera.width
+        y = (camera.cy_px - camera.fy_px * float(gap[2]) / ahead) / camera.height
+        half = 0.4 / ahead * camera.fx_px / camera.width
+        hidden = float(self.cast((pose.x, pose.y, pose.z), gap[None])[0]) < 0.999
+        if hidden or not (half < x < 1 - half and half < y < 1 - half):
+            return None
+        return Box(x_min=x - half, y_min=y - half, x_max=x + half, y_max=y + half)
 
 
 def block_scene(block: Block) -> Scene:

@@ -256,15 +256,30 @@ class BlockVehicle:
 
 
 @dataclass
-class BlockTrial:
-    """Begins a block's trials, and judges their claims by the block's thing."""
+class BlockWorld:
+    """A block as a Trial: begins drones and judges their claims by the block's thing. `boarded`: begun or resumed last.
+    `ended`: the drones released, in the order in which they were begun."""
 
     block: Block = field(default_factory=Block)
     pace: float = 0.0
     slow_s: float = 0.0
     vehicles: dict[str, BlockVehicle] = field(default_factory=dict)
     verdicts: dict[str, Verdict] = field(default_factory=dict)
+    boarded: str = ""
     _by_key: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def live(self) -> list[str]:
+        return [name for name, vehicle in self.vehicles.items() if not vehicle.released]
+
+    @property
+    def ended(self) -> list[str]:
+        return [name for name, vehicle in self.vehicles.items() if vehicle.released]
+
+    @property
+    def pose(self) -> Pose:
+        """Of the drone boarded last."""
+        return self.vehicles[self.boarded].pose
 
     async def begin(self, key: str, scene: Scene, flight: Flight, rig: Rig) -> BlockVehicle:
         if any(o.kind == "unicorn" for o in scene.objects):
@@ -278,6 +293,7 @@ class BlockTrial:
         found = self.vehicles.get(vehicle)
         if found is None or found.released:
             raise ServiceRefused(f"sim: there is no episode {vehicle}", code="not_found", status=404)
+        self.boarded = vehicle
         return found
 
     async def renderer(self, vehicle: str) -> str | None:

@@ -8,19 +8,13 @@ import numpy as np
 
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, SearchSettings
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
+from mission.clients import Simulated
 from mission.mission import Mission
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import GOOD
-from tests.mission.box_world import (
-    WHO,
-    Block,
-    BlockVision,
-    BlockWorld,
-    block_placement,
-    block_ports,
-    block_scene,
-    block_trial,
-)
+from tests.mission.block import Block, block_scene
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import WHO, BlockVision, block_placement, block_ports
 from tests.mission.test_mission import BEHIND, REQUEST, Events
 
 CONTOUR = SearchSettings(policy="contour")
@@ -69,7 +63,7 @@ async def test_the_summary_shows_the_facade_that_was_inspected(tmp_path: Path) -
     settings = MissionSettings(viewpoint=CONTOUR)
     question = DeliveryQuestion(request=REQUEST, scene=block_scene(BEHIND), settings=settings)
     run = Run(Order(question), tmp_path)
-    await run.fly(block_ports(world := BlockWorld(BEHIND)), block_trial(world))
+    await run.fly(Simulated(block_ports(world := BlockWorld(BEHIND)), world))
     picture = cv2.imread(str(run.record.folder / "summary.png"))
     green = (picture == np.array(GOOD[::-1])).all(axis=2)
     assert green[:, :880].sum() > 1500  # the plan's half; the facts beside it are written in the same green
@@ -100,9 +94,9 @@ class TwinVision(BlockVision):
 
     async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
         answer = await super().find_object(question)
-        pose, block = self.world.pose(question.oracle_episode or ""), self.world.block
+        pose, block = self.world.pose, self.world.block
         assert block.neighbour is not None
-        twins = {v.camera.name: self.world.sees(pose, v.camera, block.neighbour.thing) for v in question.views}
+        twins = {v.camera.name: block.sees(pose, v.camera, block.neighbour.thing) for v in question.views}
         matches = tuple(Match(camera=name, box=b, confidence=0.95) for name, b in twins.items() if b) + answer.matches
         return FindObjectAnswer(role="recognition", found=bool(matches), matches=matches, **WHO)
 

@@ -11,15 +11,9 @@ from contracts.geometry import Point3, Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings, SearchSettings, SightingSettings
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
 from mission.mission import Mission
-from tests.mission.box_world import (
-    WHO,
-    Block,
-    BlockVision,
-    BlockWorld,
-    LocalDepthAssist,
-    block_placement,
-    block_ports,
-)
+from tests.mission.block import Block
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import WHO, BlockVision, LocalDepthAssist, block_placement, block_ports
 from tests.mission.test_mission import BEHIND, REQUEST, Events
 
 CLAIM = 0.8
@@ -37,7 +31,7 @@ class DoubtfulVision(BlockVision):
     seen_from: list[Pose] = field(default_factory=list)
 
     async def find_object(self, question: FindObjectQuestion) -> FindObjectAnswer:
-        pose = self._pose("find_object", question.oracle_episode)
+        pose = self._pose("find_object")
         matches = []
         for place, confidences in ((self.world.block.thing, self.thing), (IMPOSTOR, self.impostor)):
             matches += [m for v in question.views if (m := self._match(pose, v.camera, place, confidences))]
@@ -53,7 +47,7 @@ class DoubtfulVision(BlockVision):
         block = self.world.block
         away = math.dist(place, (pose.x, pose.y, pose.z))
         confidence = next((c for within, c in sorted(confidences.items()) if away <= within), 0.0)
-        box = BlockWorld(Block(thing=place, floors=block.floors)).sees(pose, camera)
+        box = Block(thing=place, floors=block.floors).sees(pose, camera)
         return Match(camera=camera.name, box=box, confidence=confidence) if box and confidence else None
 
 

@@ -15,16 +15,9 @@ from contracts.vlm_gateway import ChooseDirectionAnswer, FindObjectAnswer, Floor
 from mission.mission import Mission
 from mission.ports import ModelUnreachable, Ports, ServiceUnreachable
 from mission.wording import with_article
-from tests.mission.box_world import (
-    WHO,
-    Block,
-    BlockVision,
-    BlockWorld,
-    LocalDepthAssist,
-    block_placement,
-    block_ports,
-    block_scene,
-)
+from tests.mission.block import Block, block_scene
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import WHO, BlockVision, LocalDepthAssist, block_placement, block_ports
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
@@ -87,7 +80,7 @@ class SeesTheEdge(BlockVision):
     slack_m = 0.01
 
     async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
-        pose, block = self._pose("floor_count", question.oracle_episode), self.world.block
+        pose, block = self._pose("floor_count"), self.world.block
         away = block.y0 - pose.y
         middles = [(k + 0.5) * block.floor_height_m for k in reversed(range(block.floors))]
         rows = tuple(0.5 - (m - pose.z) / away / 2 for m in middles if abs(m - pose.z) < away + self.slack_m)

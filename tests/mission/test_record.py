@@ -9,12 +9,15 @@ from contracts.event_data import LostData, NoData
 from contracts.events import Event, LookEvent, UnknownEvent
 from contracts.geometry import Point3
 from contracts.orchestrator import Delivery, DeliveryQuestion
+from mission.clients import Simulated
 from mission.policies import completed
 from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events, read_state
 from mission.state import begin
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import draw_summary
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
+from tests.mission.block import Block, block_scene
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import block_ports
 
 
 def record_in(folder: Path, **options: object) -> Record:
@@ -71,7 +74,7 @@ async def test_everything_about_a_delivery_can_be_read_from_its_folder_alone(tmp
     world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
     question = DeliveryQuestion(request="floor 4, the green flower pot", scene=block_scene(world.block))
     run = Run(Order(question), tmp_path)
-    result = await run.fly(block_ports(world), block_trial(world))
+    result = await run.fly(Simulated(block_ports(world), world))
     folder = run.record.folder
     delivery = read_delivery(folder)
     assert delivery is not None

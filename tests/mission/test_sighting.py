@@ -11,7 +11,9 @@ from mission.sighting import is_dismissed, locate, project
 from mission.stages import Extent
 from mission.state import Dismissed
 from tests.cameras import NAMES
-from tests.mission.box_world import Block, BlockWorld, block_placement
+from tests.mission.block import Block
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import block_placement
 
 
 async def look_from(pose: Pose) -> Look:

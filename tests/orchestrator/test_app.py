@@ -10,10 +10,13 @@ import pytest
 
 from contracts.events import Event, read_event
 from contracts.orchestrator import Delivery
+from mission.clients import Simulated
 from mission.ports import ServiceRefused, ServiceUnreachable, UnknownModel
 from orchestrator.app import build_app
 from orchestrator.deliveries import Deliveries
-from tests.mission.box_world import Block, BlockVision, BlockWorld, block_ports, block_scene, block_trial
+from tests.mission.block import Block, block_scene
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import BlockVision, block_ports
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
@@ -31,7 +34,7 @@ def door(serve: Callable[..., str], runs: Path) -> Iterator[Callable[..., httpx.
     def make(world: BlockWorld, **options: object) -> httpx.Client:
         token = options.pop("token", None)
         vision = options.pop("vision", None)
-        app = build_app(Deliveries(block_ports(world, vision), block_trial(world), runs, **options), token=token)
+        app = build_app(Deliveries(lambda: Simulated(block_ports(world, vision), world), runs, **options), token=token)
         clients.append(httpx.Client(base_url=serve(app), timeout=20))
         return clients[-1]
 

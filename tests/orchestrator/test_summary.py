@@ -5,16 +5,19 @@ from pathlib import Path
 import cv2
 
 from contracts.orchestrator import DeliveryQuestion
+from mission.clients import Simulated
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import HEAD
-from tests.mission.box_world import Block, BlockWorld, block_ports, block_scene, block_trial
+from tests.mission.block import Block, block_scene
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import block_ports
 
 
 async def head_of(request: str, runs: Path) -> bytes:
     """The pixels of the picture's head, where the request stands."""
     world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
     run = Run(Order(DeliveryQuestion(request=request, scene=block_scene(world.block))), runs)
-    await run.fly(block_ports(world), block_trial(world))
+    await run.fly(Simulated(block_ports(world), world))
     picture = cv2.imread(str(run.record.folder / "summary.png"))
     assert picture is not None
     return picture[:HEAD].tobytes()

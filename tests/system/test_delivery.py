@@ -31,7 +31,7 @@ SAMPLE = "green-flower-pot"
 async def fly(services: Services, runs: Path, **question: object) -> tuple[DeliveryResult, list[Event]]:
     asked = DeliveryQuestion(**({"sample": SAMPLE, "backend": "oracle", "settings": SMALL} | question))
     run = Run(Order(asked), runs)
-    return await run.fly(services.ports(), services.trial()), read_events(run.record.folder)
+    return await run.fly(services.simulated()), read_events(run.record.folder)
 
 
 async def test_a_sample_is_delivered_from_its_sentence_to_its_window(services: Services, runs: Path) -> None:
@@ -115,7 +115,7 @@ async def test_cancelling_in_the_air_ends_the_flight_and_the_episode(
             counting.set()
 
     run = Run(Order(DeliveryQuestion(sample=SAMPLE, backend="oracle", settings=SMALL)), runs, listener=listen)
-    task = asyncio.create_task(run.fly(services.ports(), services.trial()))
+    task = asyncio.create_task(run.fly(services.simulated()))
     await asyncio.wait_for(counting.wait(), 60)
     task.cancel()
     result = await task

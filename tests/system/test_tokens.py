@@ -50,7 +50,7 @@ async def test_tokens_in_files_reach_every_service(guarded: Processes, secrets: 
         assert [await client.usable() for client in services.all] == [None] * len(FLIGHT_SERVICES)
         settings = MissionSettings(image_size=200)
         run = Run(Order(DeliveryQuestion(sample=SAMPLE, backend="oracle", settings=settings)), tmp_path / "own")
-        assert (await run.fly(services.ports(), services.trial())).outcome == "delivered"
+        assert (await run.fly(services.simulated())).outcome == "delivered"
     orchestrator = next(child.url for child in guarded.children if child.name == "orchestrator")
     async with httpx.AsyncClient(base_url=orchestrator) as client:
         assert (await client.get("/readyz")).json()["checks"] == dict.fromkeys(FLIGHT_SERVICES, "ok")
@@ -62,7 +62,7 @@ async def test_tokens_in_files_reach_every_service(guarded: Processes, secrets: 
 async def test_without_its_token_a_service_ends_the_mission_as_unreachable(guarded: Processes, tmp_path: Path) -> None:
     async with Services(guarded.addresses) as services:
         run = Run(Order(DeliveryQuestion(sample=SAMPLE)), tmp_path / "own")
-        result = await run.fly(services.ports(), services.trial())
+        result = await run.fly(services.simulated())
     assert result.outcome == "service_unreachable"
     assert "llm_parser refuses our token (401); set LLM_PARSER_TOKEN or LLM_PARSER_TOKEN_FILE" in result.message
 

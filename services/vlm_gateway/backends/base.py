@@ -31,7 +31,6 @@ class FloorsAsk:
 
     picture: Picture
     camera: Camera | None
-    episode: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +39,6 @@ class BuildingAsk:
 
     picture: Picture
     camera: Camera | None
-    episode: str | None
 
 
 class AskedView(NamedTuple):
@@ -54,7 +52,6 @@ class ObjectAsk:
 
     phrase: str
     views: tuple[AskedView, ...]
-    episode: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +60,6 @@ class DirectionAsk:
     picture: Picture
     points: tuple[MarkedPoint, ...]
     task: str
-    episode: str | None
 
 
 @dataclass(frozen=True, slots=True)

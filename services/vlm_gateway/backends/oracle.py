@@ -1,9 +1,11 @@
 """The truth, asked of the simulator: for upper bounds, and for telling faults of flying from faults of seeing.
 
-It looks at no picture; it needs the episode's name. Never cached: the drone moves between two identical questions.
+It looks at no picture; it needs the name of the simulator's vehicle that took them. Never cached: the drone moves
+between two identical questions.
 """
 
 import math
+from contextvars import ContextVar
 from typing import TypeVar
 
 from pydantic import BaseModel
@@ -12,7 +14,7 @@ from contracts.cameras import Camera
 from contracts.geometry import Point3, Pose
 from contracts.sim import Truth, TruthQuestion, TruthView
 from contracts.vehicle import VehicleState
-from contracts.vlm_gateway import MarkedPoint, Match
+from contracts.vlm_gateway import ORACLE_VEHICLE_HEADER, MarkedPoint, Match
 from service_kit.client import CallError, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import (
@@ -36,6 +38,8 @@ WHOLE_COUNT, BUILDING_BOX, WHOLE_LOOK = "0", "1000", "2000"
 """Beside the views' directions: the faults of a question that is not about one view of a look."""
 FOCAL_PX, MAX_SIDE_PX = 400.0, 1600
 _ABOUT = 0.15
+asked_vehicle: ContextVar[str | None] = ContextVar("asked_vehicle", default=None)
+"""Whose pictures the question being answered is about; set where the question comes in, read here alone."""
 DECLINED = "declined, as the oracle's noise wants it"
 
 
@@ -58,7 +62,7 @@ class OracleBackend:
         return None
 
     async def count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
-        truth = await self._truth(_named(ask.episode), (_known(ask.camera),))
+        truth = await self._truth(_asked_vehicle(), (_known(ask.camera),))
         faults = Faults(self._config.noise, truth, "floors", WHOLE_COUNT)
         if faults.refuses:
             return Reply("refused", text=DECLINED)
@@ -67,7 +71,7 @@ class OracleBackend:
         return Reply("answered", Floors(*faults.miscounted(Count(view.floors_visible, rows))))
 
     async def find_building(self, ask: BuildingAsk) -> Reply[Building]:
-        truth = await self._truth(_named(ask.episode), (_known(ask.camera),))
+        truth = await self._truth(_asked_vehicle(), (_known(ask.camera),))
         faults = Faults(self._config.noise, truth, "floors", BUILDING_BOX)
         if faults.refuses:
             return Reply("refused", text=DECLINED)
@@ -77,7 +81,7 @@ class OracleBackend:
     async def find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
         """The goal object, whatever the phrase: what the customer meant is known here."""
         cameras = tuple(view.camera for view in ask.views)
-        truth = await self._truth(_named(ask.episode), cameras)
+        truth = await self._truth(_asked_vehicle(), cameras)
         noise = self._config.noise
         look = Faults(noise, truth, "recognition", WHOLE_LOOK)
         if look.refuses:
@@ -95,10 +99,10 @@ class OracleBackend:
 
     async def choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
         """The point from whose safe end the way to the goal is shortest."""
-        episode = _named(ask.episode)
-        pose = (await self._call("GET", f"/v1/episodes/{episode}", VehicleState)).pose
+        vehicle = _asked_vehicle()
+        pose = (await self._call("GET", f"/v1/episodes/{vehicle}", VehicleState)).pose
         ends = tuple(end_of(point, ask.camera, pose) for point in ask.points)
-        truth = await self._truth(episode, (), candidates=ends)
+        truth = await self._truth(vehicle, (), candidates=ends)
         if Faults(self._config.noise, truth, "choice", _direction_of(ask.camera)).refuses:
             return Reply("refused", text=DECLINED)
         ways = [(way_m, at) for at, way_m in enumerate(truth.remaining_m[: len(ask.points)]) if way_m is not None]
@@ -124,13 +128,13 @@ class OracleBackend:
 
     async def _truth(
         self,
-        episode: str,
+        vehicle: str,
         cameras: tuple[Camera, ...],
         *,
         candidates: tuple[Point3, ...] = (),
     ) -> Truth:
         question = TruthQuestion(cameras=tuple(map(sharp, cameras)), candidates=candidates)
-        truth = await self._call("POST", f"/v1/episodes/{episode}/truth", Truth, question)
+        truth = await self._call("POST", f"/v1/episodes/{vehicle}/truth", Truth, question)
         if len(truth.views) != len(cameras) or len(truth.remaining_m) < len(candidates):
             raise ModelUnreachable("the simulator's truth is incomplete", details={"reason": "contract"})
         return truth
@@ -182,7 +186,12 @@ def _known(camera: Camera | None) -> Camera:
     return camera
 
 
-def _named(episode: str | None) -> str:
-    if episode is None:
-        raise BadQuestion("the oracle needs 'oracle_episode', the name of the simulator's episode")
-    return episode
+def _asked_vehicle() -> str:
+    vehicle = asked_vehicle.get()
+    if vehicle is None:
+        raise BadQuestion(
+            f"the oracle needs the header {ORACLE_VEHICLE_HEADER}: the name of the simulator's vehicle that took the "
+            "pictures, which is the id of its episode",
+            code="no_oracle_vehicle",
+        )
+    return vehicle

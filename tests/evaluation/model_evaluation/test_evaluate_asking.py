@@ -17,7 +17,8 @@ from contracts.vlm_gateway import (
 from evaluation.model_evaluation.asking import Asker
 from mission.ports import ModelUnreachable
 from tests.evaluation.model_evaluation.test_evaluate_scores import LEFT, case, front, look, thing
-from tests.mission.box_world import WHO, BlockVision, BlockWorld
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import WHO, BlockVision
 
 PICTURE = jpeg_bytes(encode_jpeg(np.zeros((64, 64, 3), np.uint8)))
 

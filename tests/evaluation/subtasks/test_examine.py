@@ -15,12 +15,13 @@ from evaluation.subtasks.run import Examiner, Plan, scored
 from evaluation.task_set.shortest import goal_slot
 from evaluation.task_set.task import Task
 from launcher.processes import FLIGHT_SERVICES, Processes, free_ports, oracle_settings
-from mission.clients import Services
+from mission.clients import AskedVehicle, Services
 from mission.ports import ModelUnreachable
 from orchestrator import sample_library
 from service_kit.settings import process_environment
 from tests.evaluation.evaluation_kit import a_task
-from tests.mission.box_world import BlockWorld, block_ports
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import block_ports
 
 
 def villa() -> Task:
@@ -73,7 +74,8 @@ async def asked(logs: Path, services: tuple[str, ...], subtasks: dict[Subtask, s
     group = Processes(ports, logs, environment=process_environment(), extra=oracle_settings(ports))
     async with group, Services(group.addresses) as clients:
         plan = Plan("oracle", stops=2, size=400)
-        examiner = Examiner(plan, clients.ports(), SimClient(group.addresses.sim))
+        about = AskedVehicle()
+        examiner = Examiner(plan, clients.ports(about), SimClient(group.addresses.sim), about)
         for subtask, name in subtasks.items():
             scores = scored(subtask, plan, [await examiner.ask(subtask, villa())], 1.0)
             told = io.StringIO()

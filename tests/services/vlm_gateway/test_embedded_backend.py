@@ -85,15 +85,15 @@ async def make(model: SmallModel) -> AsyncIterator[Make]:
 
 
 async def test_the_model_gets_red_green_and_blue_in_this_order(make: Make) -> None:
-    reply = await make().count_floors(FloorsAsk(shaded(250, 100, 0), None, None))
+    reply = await make().count_floors(FloorsAsk(shaded(250, 100, 0), None))
     assert reply.content is not None
     assert reply.content.count == 5
 
 
 async def test_no_building_is_an_answer_and_a_building_a_box(make: Make) -> None:
     backend = make()
-    dark = await backend.find_building(BuildingAsk(shaded(0), None, None))
-    bright = await backend.find_building(BuildingAsk(shaded(250, 250, 250), None, None))
+    dark = await backend.find_building(BuildingAsk(shaded(0), None))
+    bright = await backend.find_building(BuildingAsk(shaded(250, 250, 250), None))
     assert dark.content is not None
     assert bright.content is not None
     assert (dark.content.box, bright.content.box) == (None, BOX)
@@ -105,7 +105,7 @@ async def test_sightings_name_their_camera_the_surest_first(make: Make) -> None:
         AskedView(square(0), shaded(0)),
         AskedView(square(45), shaded(250, 250, 250)),
     )
-    reply = await make().find_object(ObjectAsk("green pot", views, None))
+    reply = await make().find_object(ObjectAsk("green pot", views))
     assert reply.content is not None
     assert [match.camera for match in reply.content.matches] == ["front-right", "left"]
 
@@ -131,7 +131,7 @@ async def test_a_picture_s_key_is_its_file_s(make: Make) -> None:
 
 
 async def test_a_thing_it_has_no_word_for_is_refused_and_not_denied(make: Make) -> None:
-    reply = await make().find_object(ObjectAsk("gramophone", (AskedView(square(0), picture()),), None))
+    reply = await make().find_object(ObjectAsk("gramophone", (AskedView(square(0), picture()),)))
     assert (reply.outcome, reply.content) == ("refused", None)
     assert "gramophone" in (reply.text or "")
 
@@ -139,7 +139,7 @@ async def test_a_thing_it_has_no_word_for_is_refused_and_not_denied(make: Make) 
 async def test_data_that_belies_its_header_is_the_caller_s_fault(make: Make) -> None:
     cut = Picture(picture().jpeg[:200], 80, 60)
     with pytest.raises(BadQuestion, match="could not be decoded"):
-        await make().count_floors(FloorsAsk(cut, None, None))
+        await make().count_floors(FloorsAsk(cut, None))
 
 
 async def test_a_model_that_takes_too_long_is_a_timeout_and_a_full_queue_is_overload(
@@ -147,7 +147,7 @@ async def test_a_model_that_takes_too_long_is_a_timeout_and_a_full_queue_is_over
 ) -> None:
     model.free.clear()
     backend = make(timeout_s=0.3)
-    calls = [backend.count_floors(FloorsAsk(shaded(100), None, None)) for _ in range(5)]
+    calls = [backend.count_floors(FloorsAsk(shaded(100), None)) for _ in range(5)]
     kinds = [type(result) for result in await asyncio.gather(*calls, return_exceptions=True)]
     assert kinds.count(ModelTimeout) == 3
     assert kinds.count(ModelOverloaded) == 2

@@ -13,7 +13,7 @@ from contracts.vlm_gateway import MarkedPoint
 from service_kit.client import ServiceClient
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk
-from services.vlm_gateway.backends.oracle import OracleBackend, end_of, sharp
+from services.vlm_gateway.backends.oracle import OracleBackend, asked_vehicle, end_of, sharp
 from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.errors import ModelUnreachable
 from tests.cameras import square
@@ -32,7 +32,7 @@ from tests.services.vlm_gateway.small_sim import BOX, SmallSim
 
 FRONT = square()
 VIEWS = tuple(AskedView(square(h), picture()) for h in HEADINGS)
-FIND = ObjectAsk("whatever the customer said", VIEWS, "e1")
+FIND = ObjectAsk("whatever the customer said", VIEWS)
 POINTS = tuple(
     MarkedPoint(label=label, x=x, y=0.5, distance_m=4.0)
     for label, x in zip("abcde", (1 / 6, 2 / 6, 0.5, 4 / 6, 5 / 6), strict=True)
@@ -51,11 +51,16 @@ async def oracle(serve: Serve, sim: SmallSim) -> AsyncIterator[OracleBackend]:
     await backend.close()
 
 
+@pytest.fixture(autouse=True)
+def about_e1() -> None:
+    asked_vehicle.set("e1")
+
+
 async def test_floors_and_building_are_the_truth(oracle: OracleBackend) -> None:
-    floors = (await oracle.count_floors(FloorsAsk(picture(), FRONT, "e1"))).content
+    floors = (await oracle.count_floors(FloorsAsk(picture(), FRONT))).content
     assert floors is not None
     assert (floors.count, floors.rows) == (3, (0.2, 0.5, 1.0))
-    building = (await oracle.find_building(BuildingAsk(picture(), FRONT, "e1"))).content
+    building = (await oracle.find_building(BuildingAsk(picture(), FRONT))).content
     assert building is not None
     assert building.box == BOX
 
@@ -104,28 +109,30 @@ def test_where_a_marked_point_leads(heading: float, x: float, yaw: float, end: t
 
 
 async def test_the_direction_is_the_one_with_the_shortest_way_left(oracle: OracleBackend, sim: SmallSim) -> None:
-    reply = await oracle.choose_direction(DirectionAsk(square(45), picture(), POINTS, "find it", "e1"))
+    reply = await oracle.choose_direction(DirectionAsk(square(45), picture(), POINTS, "find it"))
     assert reply.content is not None
     assert reply.content.label == "e"  # facing north at the origin, the goal is due east: as far right as one can
     assert len(sim.candidates) == 5
-    reply = await oracle.choose_direction(DirectionAsk(square(90), picture(), POINTS, "find it", "e1"))
+    reply = await oracle.choose_direction(DirectionAsk(square(90), picture(), POINTS, "find it"))
     assert reply.content is not None
     assert reply.content.label == "c"
 
 
 async def test_no_way_at_all_is_a_refusal_and_no_direction(oracle: OracleBackend, sim: SmallSim) -> None:
     sim.blocked = True
-    reply = await oracle.choose_direction(DirectionAsk(FRONT, picture(), POINTS, "find it", "e1"))
+    reply = await oracle.choose_direction(DirectionAsk(FRONT, picture(), POINTS, "find it"))
     assert (reply.outcome, reply.content) == ("refused", None)
 
 
-async def test_without_an_episode_or_with_an_unknown_one_the_question_is_at_fault(oracle: OracleBackend) -> None:
-    with pytest.raises(BadQuestion, match="oracle_episode"):
-        await oracle.count_floors(FloorsAsk(picture(), FRONT, None))
-    with pytest.raises(BadQuestion, match="no episode 'e9'"):
-        await oracle.count_floors(FloorsAsk(picture(), FRONT, "e9"))
+async def test_without_a_vehicle_or_with_an_unknown_one_the_question_is_at_fault(oracle: OracleBackend) -> None:
     with pytest.raises(BadQuestion, match="camera"):
-        await oracle.count_floors(FloorsAsk(picture(), None, "e1"))
+        await oracle.count_floors(FloorsAsk(picture(), None))
+    asked_vehicle.set(None)
+    with pytest.raises(BadQuestion, match="x-oracle-vehicle"):
+        await oracle.count_floors(FloorsAsk(picture(), FRONT))
+    asked_vehicle.set("e9")
+    with pytest.raises(BadQuestion, match="no episode 'e9'"):
+        await oracle.count_floors(FloorsAsk(picture(), FRONT))
 
 
 async def test_a_simulator_that_is_not_there_is_unreachable() -> None:
@@ -133,7 +140,7 @@ async def test_a_simulator_that_is_not_there_is_unreachable() -> None:
         ServiceClient("sim", f"http://127.0.0.1:{closed_port()}"), OracleModelConfig(backend="oracle")
     )
     with pytest.raises(ModelUnreachable):
-        await backend.count_floors(FloorsAsk(picture(), FRONT, "e1"))
+        await backend.count_floors(FloorsAsk(picture(), FRONT))
     await backend.close()
 
 
@@ -143,13 +150,26 @@ def test_over_http_it_is_never_cached_and_works_in_replay_too(serve: Serve, sim:
         oracle = OracleBackend(ServiceClient("sim", url_of_sim), OracleModelConfig(backend="oracle"))
         url = serve(build({"oracle": oracle}, cache=sqlite_cache(tmp_path), mode=mode).app)
         sim.objects = {}
-        first = post(url, "/v1/find-object", find_body(oracle_episode="e1")).json()
+        first = post(url, "/v1/find-object", find_body(), headers={"x-oracle-vehicle": "e1"}).json()
         sim.shows(0)
-        second = post(url, "/v1/find-object", find_body(oracle_episode="e1")).json()
+        second = post(url, "/v1/find-object", find_body(), headers={"x-oracle-vehicle": "e1"}).json()
         assert [(a["found"], a["cache"], a["backend"]) for a in (first, second)] == [
             (False, "off", "oracle"),
             (True, "off", "oracle"),
         ]
     missing = post(url, "/v1/choose-direction", direction_body())
     assert missing.status_code == 422
-    assert "oracle_episode" in missing.json()["error"]["message"]
+    assert missing.json()["error"]["code"] == "no_oracle_vehicle"
+    assert "x-oracle-vehicle" in missing.json()["error"]["message"]
+
+
+def test_the_vehicle_named_in_the_body_as_it_used_to_be_is_refused_with_what_is_right(
+    serve: Serve, sim: SmallSim
+) -> None:
+    oracle = OracleBackend(ServiceClient("sim", serve(sim.app)), OracleModelConfig(backend="oracle"))
+    url = serve(build({"oracle": oracle}).app)
+    for path, body in (("find-object", find_body()), ("choose-direction", direction_body())):
+        answer = post(url, f"/v1/{path}", body | {"oracle_episode": "e1"})
+        assert answer.status_code == 422
+        assert answer.json()["error"]["code"] == "named_in_a_header"
+        assert "x-oracle-vehicle" in answer.json()["error"]["message"]

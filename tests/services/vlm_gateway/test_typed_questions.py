@@ -136,11 +136,11 @@ def test_what_an_answer_depends_on_is_in_the_key_and_what_it_does_not_is_not(
     url = serve(build(backends, cache=sqlite_cache(tmp_path)).app)
     post(url, "/v1/choose-direction", direction_body())
 
-    def state(**changes: Any) -> str:
-        return str(post(url, "/v1/choose-direction", direction_body(**changes)).json()["cache"])
+    def state(headers: dict[str, str] | None = None, **changes: Any) -> str:
+        return str(post(url, "/v1/choose-direction", direction_body(**changes), headers=headers).json()["cache"])
 
     assert state() == "hit"
-    assert state(model="same", oracle_episode="e-17") == "hit"
+    assert state({"x-oracle-vehicle": "e-17"}, model="same") == "hit"
     assert state(model="warm") == "miss"
     assert state(task="find the chair") == "miss"
     assert state(camera=camera_json(-45)) == "miss"
