@@ -5,7 +5,7 @@ from pydantic import ValidationError
 
 from contracts.depth_assist import ApproachSettings
 from contracts.orchestrator import MissionSettings
-from mission.policies import DEFAULT, BadSearch, completed, policies, policy_of, words_of
+from mission.policies import DEFAULT, BadSearch, completed, policy_names, policy_of, words_of
 from mission.policies.contour import ContourPolicy
 
 
@@ -14,7 +14,7 @@ def settings(**given: object) -> MissionSettings:
 
 
 def test_there_are_four_policies_and_one_of_them_is_the_default() -> None:
-    assert tuple(policies()) == ("paper", "random", "default", "contour")
+    assert policy_names() == ("paper", "random", "default", "contour")
     assert ContourPolicy.name == DEFAULT
 
 
