@@ -184,7 +184,7 @@ class Upstream:
                 if patient and error.details.get("reason") == "loading":
                     pause_s: float | None = loading_pause_s(error, count)
                 elif self._may_ask_another(error, tried):
-                    self._retried(error.code)
+                    self._retried(error.kind)
                     continue
                 elif again < self.model.config.retries and self.budget.left >= 1.0:
                     again += 1
@@ -194,7 +194,7 @@ class Upstream:
                 if pause_s is None or asyncio.get_running_loop().time() + pause_s >= deadline:
                     raise
                 self.budget.took()
-                self._retried(error.code)
+                self._retried(error.kind)
             await asyncio.sleep(pause_s)
 
     def _may_ask_another(self, error: ModelError, tried: set[Endpoint]) -> bool:
