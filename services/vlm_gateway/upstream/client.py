@@ -184,7 +184,7 @@ class Upstream:
                 if patient and error.details.get("reason") == "loading":
                     pause_s: float | None = loading_pause_s(error, count)
                 elif self._may_ask_another(error, tried):
-                    self._retried(error.code)
+                    self._retried(error.kind)
                     continue
                 elif again < self.model.config.retries and self.budget.left >= 1.0:
                     again += 1
@@ -194,7 +194,7 @@ class Upstream:
                 if pause_s is None or asyncio.get_running_loop().time() + pause_s >= deadline:
                     raise
                 self.budget.took()
-                self._retried(error.code)
+                self._retried(error.kind)
             await asyncio.sleep(pause_s)
 
     def _may_ask_another(self, error: ModelError, tried: set[Endpoint]) -> bool:
@@ -221,11 +221,10 @@ class Upstream:
                 status, headers, body = await pool.whole(attempt.request(), attempt.deadline, MAX_REPLY_BYTES)
             except BrokenReply as broken:
                 raise self._broken(broken, call) from None
-            told = said_in(headers)
             try:
                 if status != 200:
-                    raise self._replies.refusal(status, body, told)
-                said = self._replies.said(api, body, told)
+                    raise self._replies.refusal(status, body, said_in(headers))
+                said = self._replies.said(api, body, headers)
             except ModelError as error:
                 _learn(error, call)
                 raise
@@ -238,9 +237,8 @@ class Upstream:
         begun = False
         try:
             stream = opened = await attempt.endpoint.pool.stream(attempt.request(), deadline)
-            told = said_in(stream.headers)
-            if stream.status != 200 or not told["Content-Type"].startswith("text/event-stream"):
-                raise self._no_stream(stream.status, await stream.rest(deadline, MAX_REPLY_BYTES), told)
+            if stream.status != 200 or not stream.headers.get(b"content-type", b"").startswith(b"text/event-stream"):
+                raise self._no_stream(stream.status, await stream.rest(deadline, MAX_REPLY_BYTES), stream.headers)
             opened = ChatStream(
                 stream,
                 self._replies,
@@ -263,13 +261,13 @@ class Upstream:
                     opened.close()
                 call.close()
 
-    def _no_stream(self, status: int, body: bytes, told: dict[str, str]) -> ModelError:
+    def _no_stream(self, status: int, body: bytes, headers: dict[bytes, bytes]) -> ModelError:
         """What a reply is that is no stream: an error with its status or inside a 200, a proxy's page, or the answer of
         a server that knows no streams."""
         if status != 200:
-            return self._replies.refusal(status, body, told)
+            return self._replies.refusal(status, body, said_in(headers))
         try:
-            self._replies.said("openai", body, told)
+            self._replies.said("openai", body, headers)
         except ModelError as error:
             return error
         return self._replies.unreachable("it answers a stream with a single reply", "no_stream")

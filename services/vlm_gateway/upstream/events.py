@@ -16,6 +16,8 @@ from services.vlm_gateway.upstream.error_forms import error_inside
 from services.vlm_gateway.upstream.replies import Spent, tokens_of
 
 MAX_EVENT_BYTES = 8 * 1024 * 1024
+SMALL_BYTES = 64 * 1024
+"""What is larger is not looked through again for every piece that comes."""
 CHARACTERS_A_TOKEN = 4
 MOST_CHARACTERS_A_TOKEN = 8
 """An event with more than this holds several tokens."""
@@ -49,6 +51,10 @@ class EventSplitter:
             return [piece]  # one event a piece, as most servers write them
         rest = self._rest
         rest += piece
+        if len(rest) <= SMALL_BYTES and b"\r" not in rest:
+            *whole, after = bytes(rest).split(b"\n\n")
+            self._rest, self._searched = bytearray(after), 0
+            return [event + b"\n\n" for event in whole]
         events: list[bytes] = []
         at = 0
         for end in _EMPTY_LINE.finditer(rest, self._searched):
@@ -161,7 +167,7 @@ class ChatReader:
         """Whether there is something in it for the caller."""
         found = False
         for name, value in delta.items():
-            if not value:
+            if not value or name == "role":
                 continue
             if name in _WORDS:
                 self.has_words = self.has_words or not isinstance(value, str) or not value.isspace()
@@ -189,9 +195,11 @@ def outcome_of(finish_reason: str | None, *, has_content: bool, refused: bool, l
 
 def _data_of(event: bytes) -> tuple[bytes | None, bool]:
     """An event's data, its lines joined, and whether the event says by its name that it is an error."""
+    if event.startswith(b"data:"):
+        data = event[5:].strip()
+        if b"\n" not in data and b"\r" not in data:
+            return data, False
     stripped = event.strip(b"\r\n\xef\xbb\xbf")
-    if stripped.startswith(b"data:") and b"\n" not in stripped and b"\r" not in stripped:
-        return stripped[5:].strip(), False
     lines: list[bytes] = []
     named_error = False
     for name, value in _fields(stripped):

@@ -73,17 +73,17 @@ class ReplyReader:
         self._secret = secret
         self._secret_bytes = secret.encode() if secret else _NO_SECRET
 
-    def said(self, api: Api, body: bytes, headers: Mapping[str, str]) -> Said:
+    def said(self, api: Api, body: bytes, headers: Mapping[bytes, bytes]) -> Said:
         """What a 200 holds. Raises ModelUnreachable where it is no chat completion, or the error it really is."""
         try:
             reply = from_json(body, allow_inf_nan=False)
         except ValueError:
-            kind = headers.get("Content-Type", "no content type").split(";")[0][:60]
+            kind = headers.get(b"content-type", b"no content type").decode("latin-1").split(";")[0][:60]
             raise self.unreachable(f"the reply is no JSON ({kind}, {len(body)} bytes)", "not_json") from None
         if not isinstance(reply, dict):
             raise self.unreachable("the reply is no JSON object", "not_json")
         if (error := error_inside(reply)) is not None:
-            raise self.error(error, headers)
+            raise self.error(error, said_in(headers))
         said = _ollama(reply) if api == "ollama" else _openai(reply)
         if said is None:
             raise self.unreachable("the reply is no chat completion", "no_completion")

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from services.vlm_gateway.keys import Key
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.upstream.replies import Spent
-from services.vlm_gateway.usage.ledger import Ledger
+from services.vlm_gateway.usage.ledger import UNBOUND, Ledger
 from services.vlm_gateway.usage.port import NANO, Cost, Used
 
 BYTES_A_TOKEN = 4
@@ -27,7 +27,7 @@ class Price(NamedTuple):
         return round(usd * NANO)
 
 
-FREE = Price()
+NOTHING_USED = Used()
 
 
 def estimated(text_bytes: int, pictures: int, limit: int | None) -> Spent:
@@ -39,25 +39,29 @@ def estimated(text_bytes: int, pictures: int, limit: int | None) -> Spent:
 class Bill:
     """Settled once; what comes after that changes nothing."""
 
+    __slots__ = ("_accounts", "_key", "_model", "_open", "_reservation", "asked", "estimate")
+
     def __init__(self, accounts: "Accounts", key: Key, model: str, estimate: Spent) -> None:
+        """Raises OverBudget where the key's tokens of this minute are spent."""
         self.estimate = estimate
+        self.asked = False
         self._accounts = accounts
         self._key = key
         self._model = model
-        self._open = False
-        self.asked = False
+        self._reservation = UNBOUND
+        key.hold(estimate.prompt + estimate.completion)
+        self._open = True
 
     async def reserve(self) -> None:
-        """Raises OverBudget."""
+        """Room in the budgets of the key and its team. Raises OverBudget."""
         tokens = self.estimate.prompt + self.estimate.completion
-        self._key.hold(tokens)
+        cost = Cost(tokens, self._accounts.nano_usd(self._model, self.estimate))
         try:
-            nano_usd = self._accounts.price(self._model).nano_usd(self.estimate)
-            self._reservation = await self._accounts.ledger.reserve(self._key.spender, Cost(tokens, nano_usd))
+            self._reservation = await self._accounts.ledger.reserve(self._key.spender, cost)
         except BaseException:
+            self._open = False
             self._key.settle(tokens, 0)
             raise
-        self._open = True
 
     def model_asked(self) -> None:
         """The request is on its way to the model's server."""
@@ -67,16 +71,21 @@ class Bill:
         if not self._open:
             return
         self._open = False
-        tokens = used.prompt + used.completion
-        nano_usd = self._accounts.price(self._model).nano_usd(used)
-        self._key.settle(self.estimate.prompt + self.estimate.completion, tokens)
-        recorded = Used(1, used.prompt, used.completion, nano_usd) if tokens else Used()
-        self._accounts.ledger.settle(self._reservation, self._key.spender, self._model, recorded)
-        self._accounts.metrics.spent(self._model, self._key.name, used, nano_usd)
+        accounts, key, tokens = self._accounts, self._key, used.prompt + used.completion
+        key.settle(self.estimate.prompt + self.estimate.completion, tokens)
+        if not tokens:
+            if self._reservation is not UNBOUND:
+                accounts.ledger.settle(self._reservation, key.spender, self._model, NOTHING_USED)
+            return
+        nano_usd = accounts.nano_usd(self._model, used)
+        recorded = Used(1, used.prompt, used.completion, nano_usd)
+        accounts.ledger.settle(self._reservation, key.spender, self._model, recorded)
+        accounts.metrics.spent(self._model, key.name, used, nano_usd)
 
     def given_up(self) -> None:
         """The caller left before there was an answer: what the server had read by then is paid for."""
-        self.settle(Spent(prompt=self.estimate.prompt) if self.asked else Spent())
+        if self._open:
+            self.settle(Spent(prompt=self.estimate.prompt) if self.asked else Spent())
 
 
 class Accounts:
@@ -91,11 +100,14 @@ class Accounts:
         """From now on these are the prices."""
         self._prices = dict(prices)
 
-    def price(self, model: str) -> Price:
-        return self._prices.get(model, FREE)
+    def nano_usd(self, model: str, tokens: Spent) -> int:
+        """What so many tokens of a model cost."""
+        price = self._prices.get(model)
+        return 0 if price is None else price.nano_usd(tokens)
 
     async def reserve(self, key: Key, model: str, estimate: Spent) -> Bill:
         """Raises OverBudget."""
         bill = Bill(self, key, model, estimate)
-        await bill.reserve()
+        if key.spender.budgets:
+            await bill.reserve()
         return bill

@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -45,6 +45,10 @@ class Reservation(NamedTuple):
     cost: Cost
 
 
+UNBOUND = Reservation((), _NOTHING)
+"""Of a caller whom no budget bounds."""
+
+
 class _Room:
     """What this worker knows of one account: `granted` is held at the store, `in_use` of it by calls under way;
     `unwritten` was spent since the store was told."""
@@ -75,7 +79,7 @@ class Ledger:
         self._failed = failed
         self._clock = clock
         self._rooms: dict[Account, _Room] = {}
-        self._unwritten: dict[tuple[Account, str], Used] = {}
+        self._unwritten: dict[tuple[Spender, str], list[int]] = {}
         self._batch = Batch(0, ())
         self._one_at_a_time = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -93,7 +97,7 @@ class Ledger:
     async def reserve(self, spender: Spender, cost: Cost) -> Reservation:
         """Room for a call in every budget that bounds it. Raises OverBudget."""
         if not spender.budgets:
-            return Reservation((), cost)
+            return UNBOUND
         now = self._clock()
         accounts = tuple(Account(budget.owner, period_of(budget.period, now)) for budget in spender.budgets)
         reservation = Reservation(accounts, cost)
@@ -112,16 +116,16 @@ class Ledger:
         for account in reservation.accounts:
             room = self._rooms[account]
             room.in_use = room.in_use.minus(reservation.cost)
-        if any(used):
-            now = self._clock()
-            for owner in spender.owners:
-                for period in Period:
-                    account = Account(owner, period_of(period, now))
-                    key = (account, model)
-                    self._unwritten[key] = self._unwritten.get(key, Used()).plus(used)
-                    if (known := self._rooms.get(account)) is not None:
-                        known.unwritten = known.unwritten.plus(used.cost)
-        self._later(FLUSH_EVERY_S)
+        if used.calls:
+            sums = self._unwritten.get((spender, model))
+            if sums is None:
+                sums = self._unwritten[spender, model] = [0] * len(used)
+            for at, count in enumerate(used):
+                sums[at] += count
+            for account in reservation.accounts:
+                self._rooms[account].unwritten = self._rooms[account].unwritten.plus(used.cost)
+        if self._timer is None:
+            self._later(FLUSH_EVERY_S)
 
     async def page(self, accounts: Sequence[Account]) -> Page:
         """What was used, this moment's calls of this worker included. Raises UsageDown."""
@@ -194,8 +198,7 @@ class Ledger:
         """Tell the store what was spent and is still held, and ask for what is wished for; which of that is refused.
         To be called by one at a time. Raises UsageDown."""
         if not self._batch.charges:  # else it is not known whether the last one was written: it is sent again as it is
-            charges = tuple(Charge(account, model, used) for (account, model), used in self._unwritten.items())
-            self._batch = Batch(self._batch.number + 1, charges)
+            self._batch = Batch(self._batch.number + 1, tuple(self._charges()))
             self._unwritten = {}
         held = []
         for account, room in self._rooms.items():
@@ -216,6 +219,15 @@ class Ledger:
         for wish, state in zip(wishes, answer.states, strict=True):
             self._knows(wish.account, state)
         return answer.refused
+
+    def _charges(self) -> Iterator[Charge]:
+        """What is not written yet, by account: for every owner, in the day and the month that it is."""
+        now = self._clock()
+        periods = [period_of(period, now) for period in Period]
+        for (spender, model), sums in self._unwritten.items():
+            for owner in spender.owners:
+                for period in periods:
+                    yield Charge(Account(owner, period), model, Used(*sums))
 
     def _knows(self, account: Account, state: State) -> None:
         self._rooms[account].granted, self._rooms[account].spent = state.mine, state.spent
