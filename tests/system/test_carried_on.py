@@ -68,7 +68,7 @@ async def test_a_delivery_whose_process_dies_at_every_step_ends_as_if_none_had(
     order = Order(DeliveryQuestion(sample=sample, backend="oracle", settings=SETTINGS))
     async with Services(at) as services:
         whole = Run(order, runs)
-        expected = await whole.fly(services.ports(), services.trial())
+        expected = await whole.fly(services.simulated())
         assert expected.outcome == "delivered"
         cut = Run(order, runs)
         cut.record.close()
@@ -80,7 +80,7 @@ async def test_a_delivery_whose_process_dies_at_every_step_ends_as_if_none_had(
             if read_state(folder) == state:
                 done_twice += len(read_events(folder)) > told
                 await asyncio.to_thread(run_step, folder, at, kill_after_s=None)
-        result = await Run.reopened(folder).fly(services.ports(), services.trial())
+        result = await Run.reopened(folder).fly(services.simulated())
     assert without_clocks(result) == without_clocks(expected)
     assert done_twice > 0, "no process died between its first event and the writing of its state"
     told = [(e.number, e.kind, e.message) for e in read_events(folder)]
