@@ -22,6 +22,7 @@ from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import stop_without_model
 from command_line.subtask import ask_alone
 from command_line.tasks import generated
+from contracts.cameras import DEFAULT_RIG
 from evaluation.bench.folder import BadFolder, RunFolder
 from evaluation.bench.run import CannotRun, Run
 from evaluation.bench.run_settings import RunSettings
@@ -55,7 +56,8 @@ def bench(
     drift: mission_options.Drift = 0.0,
     parser: mission_options.Parser = None,
     max_steps: mission_options.MaxSteps = 30,
-    image_size: mission_options.ImageSize = 800,
+    rig: mission_options.RigName = DEFAULT_RIG,
+    image_size: mission_options.ImageSize = None,
     mission_seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Of the random viewpoint policy.")] = 0,
     miss_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a view with the object says nothing.")] = 0.0,
     false_claim_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: a look claims another thing.")] = 0.0,
@@ -107,6 +109,7 @@ def bench(
                 drift=drift,
                 parser=parser,
                 max_steps=max_steps,
+                rig=rig,
                 image_size=image_size,
                 seed=mission_seed,
             ),

@@ -16,6 +16,7 @@ from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem
 from command_line.delivery_view import LiveView, PlainView, print_result
 from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import CannotFly, check_flight
+from contracts.cameras import DEFAULT_RIG
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult
 from contracts.scene import Scene
 from launcher.processes import (
@@ -46,7 +47,8 @@ def deliver(
     drift: mission_options.Drift = 0.0,
     parser: mission_options.Parser = None,
     max_steps: mission_options.MaxSteps = 30,
-    image_size: mission_options.ImageSize = 800,
+    rig: mission_options.RigName = DEFAULT_RIG,
+    image_size: mission_options.ImageSize = None,
     seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH)] = 0,
     out: Annotated[Path, typer.Option(help="Where the records go.")] = Path("runs"),
     services: Annotated[
@@ -65,6 +67,7 @@ def deliver(
             drift=drift,
             parser=parser,
             max_steps=max_steps,
+            rig=rig,
             image_size=image_size,
             seed=seed,
         )

@@ -4,6 +4,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from contracts.cameras import load_rig, rig_names
 from contracts.orchestrator import MissionSettings, SearchSettings, SightingSettings
 from contracts.sim import Flight
 from mission.policies import DEFAULT, OWN, completed
@@ -36,7 +37,15 @@ Drift = Annotated[
 ]
 Parser = Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")]
 MaxSteps = Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")]
-ImageSize = Annotated[int, typer.Option(min=64, max=1600, help="Pictures are square; pixels.")]
+RigName = Annotated[
+    str, typer.Option("--rig", help=f"The drone's cameras: {', '.join(rig_names())}, or a file (docs/rigs.md).")
+]
+ImageSize = Annotated[
+    int | None,
+    typer.Option(
+        min=64, max=1600, help="Longer side of every camera's pictures, pixels.", show_default="as the rig says"
+    ),
+]
 
 
 def mission_settings(
@@ -48,11 +57,12 @@ def mission_settings(
     drift: float,
     parser: str | None,
     max_steps: int,
-    image_size: int,
+    rig: str,
+    image_size: int | None,
     seed: int,
 ) -> MissionSettings:
-    """The settings with the search policy named and complete. Raises ValueError for a policy that there is not, or one
-    that has no `choice`."""
+    """The settings with the search policy named and complete. Raises ValueError for a policy that there is not, one
+    that has no `choice`, or a rig that is none."""
     constants = {"choice": choice} if choice is not None else {}
     settings = MissionSettings(
         floors=floors,
@@ -61,6 +71,7 @@ def mission_settings(
         flight=Flight(drift=drift),
         parser_model=parser,
         max_exploration_steps=max_steps,
+        rig=load_rig(rig),
         image_size=image_size,
         seed=seed,
     )

@@ -38,7 +38,7 @@ def ask_alone(
     """The command: asks, prints the figures (or one JSON object), and with `out` writes it to `OUT/SUBTASK.json`.
     `environment` goes to all services, `gateway` to that one."""
     mission = settings.mission
-    plan = Plan(settings.backend, mission.parser_model, size=mission.image_size, settings=mission)
+    plan = Plan(settings.backend, mission.parser_model, settings=mission)
     try:
         if out is not None:  # before hours of questions, not after them
             out.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,9 @@ from contracts.base import Name, Wire
 
 MAX_CAMERAS = 16
 MAX_RIG_BYTES = 64 * 1024
+MAX_VIEW_PIXELS = 1600 * 1600
+"""Of one camera's picture, for the services to draw, read and measure it."""
+AHEAD_DEG = 1.0
 MountingMetres = Annotated[float, Field(ge=-5.0, le=5.0)]
 Pixels = Annotated[int, Field(ge=16, le=4096)]
 FocalPixels = Annotated[float, Field(gt=1.0, le=100_000.0)]
@@ -62,6 +65,12 @@ class Camera(Wire):
         """Bearing of the picture's right edge from the optical axis."""
         return math.degrees(math.atan2(self.width - self.cx_px, self.fx_px))
 
+    @property
+    def looks_ahead(self) -> bool:
+        """Level, and along the nose: floors are counted in such a camera's pictures."""
+        inside = 0.0 < self.cx_px < self.width and 0.0 < self.cy_px < self.height
+        return inside and abs(self.heading_deg) <= AHEAD_DEG and abs(self.pitch_deg) <= AHEAD_DEG
+
     def scaled_to(self, longer_side_px: int) -> "Camera":
         """The same camera with its longer side so many pixels: what the field of view holds does not change."""
         scale = longer_side_px / max(self.width, self.height)
@@ -93,6 +102,11 @@ class Rig(Wire):
         if len(set(names)) != len(names):
             raise ValueError(f"rig {self.name}: names of cameras must be unique; there are {names}")
         return self
+
+    @property
+    def front(self) -> Camera | None:
+        """The first camera that looks ahead; null where none does."""
+        return next((camera for camera in self.cameras if camera.looks_ahead), None)
 
     def camera(self, name: str) -> Camera:
         """The camera of that name. Raises KeyError."""
@@ -130,6 +144,22 @@ def pinhole_camera(
         pitch_deg=pitch_deg,
         offset=offset or MountingOffset(),
     )
+
+
+def flyable(rig: Rig) -> Rig:
+    """The same rig. Raises BadRig where a mission can't be flown with it."""
+    if rig.front is None:
+        raise BadRig(
+            f"rig {rig.name} has no camera that looks ahead: one needs heading_deg = 0, pitch_deg = 0 and its "
+            "principal point inside the picture"
+        )
+    for camera in rig.cameras:
+        if camera.width * camera.height > MAX_VIEW_PIXELS:
+            raise BadRig(
+                f"rig {rig.name}: camera {camera.name} has {camera.width} x {camera.height} pixels; at most "
+                f"{MAX_VIEW_PIXELS} are flown with"
+            )
+    return rig
 
 
 def rig_names() -> tuple[str, ...]:

@@ -1,10 +1,11 @@
 """orchestrator: deliveries, their settings, their events, their results."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import ConfigDict, Field, JsonValue, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, JsonValue, model_validator
 
 from contracts.base import Metres, Name, Unit, Wire
+from contracts.cameras import Rig, default_rig, flyable, shipped_rig
 from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Pose
 from contracts.scene import Scene
@@ -63,8 +64,15 @@ class SearchSettings(Wire):
         return dict(self.__pydantic_extra__)
 
 
+def _rig_by_name(given: object) -> object:
+    """A shipped rig's name stands for it. Raises ValueError for a name that none has."""
+    return shipped_rig(given) if isinstance(given, str) else given
+
+
 class MissionSettings(Wire):
-    """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role."""
+    """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role.
+    `rig`: the cameras of a simulated drone, as a document or by a shipped rig's name; `image_size`: the longer side of
+    every camera's pictures in pixels, null as the rig says."""
 
     floors: Literal["stepwise", "direct-count"] = "stepwise"
     band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
@@ -79,8 +87,19 @@ class MissionSettings(Wire):
     take_off_height_m: Metres = 1.5
     fallback_turn_deg: float = Field(default=30.0, ge=1.0, le=180.0)
     max_model_failures: int = Field(default=3, ge=0, le=20)
-    image_size: int = Field(default=800, ge=64, le=1600)
+    rig: Annotated[Rig, BeforeValidator(_rig_by_name)] = Field(default_factory=default_rig)
+    image_size: int | None = Field(default=None, ge=64, le=1600)
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
+
+    @property
+    def rig_flown(self) -> Rig:
+        """The rig with pictures of the size asked for."""
+        return self.rig if self.image_size is None else self.rig.scaled_to(self.image_size)
+
+    @model_validator(mode="after")
+    def _can_be_flown(self) -> Self:
+        flyable(self.rig_flown)
+        return self
 
     @model_validator(mode="before")
     @classmethod
@@ -132,7 +151,8 @@ class Stop(Wire):
 
 class DeliveryResult(Wire):
     """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
-    wall time by part. `inspected_share`: of the facade on that floor, where the search policy tells."""
+    wall time by part. `rig`: the cameras of a simulated drone. `inspected_share`: of the facade on that floor, where
+    the search policy tells."""
 
     outcome: OutcomeName
     message: str
@@ -149,6 +169,7 @@ class DeliveryResult(Wire):
     timings_s: dict[str, float]
     model_calls: dict[str, ModelCalls]
     renderer: str | None
+    rig: Name | None = None
     stops: tuple[Stop, ...] = ()
     search_policy: Name | None = None
     inspected_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = None

@@ -1,5 +1,6 @@
 """What the drone's cameras show at one moment, decoded as far as it is needed."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.cameras import Camera as WireCamera
+from contracts.cameras import MountingOffset
 from contracts.depth_assist import ViewDepth
 from contracts.event_data import picture_name
 from contracts.geometry import Pose
@@ -15,6 +17,8 @@ from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg
 from contracts.vehicle import Observation, SensedView
 from mission.ports import ServiceRefused
 from navigation.camera import Camera, DepthView, fewest
+
+_TURN_STEP_DEG = 15
 
 
 @dataclass(frozen=True)
@@ -34,6 +38,11 @@ class Sight:
     def seen(self) -> DepthView:
         """The depth with its camera, as the mathematics takes it."""
         return DepthView(self.camera, self.depth_m)
+
+    @property
+    def eye_z(self) -> float:
+        """The camera's height above ground, metres."""
+        return self.pose.z + self.camera.up_m
 
     @cached_property
     def rgb(self) -> NDArray[np.uint8]:
@@ -124,6 +133,65 @@ def look_of(observation: Observation, wanted: Sequence[str]) -> Look:
     except BadImage as error:
         raise ServiceRefused(f"the vehicle sent a bad picture: {error}", code="garbled", status=502) from None
     return Look(observation, sights)
+
+
+def joined(seen: Sequence[Observation], wanted: Sequence[str]) -> Look:
+    """One look from observations that were made while the drone turned on the spot: every view as the drone would have
+    had it at the last one's pose, which is the look's. `wanted`: the cameras of the last one. Raises ServiceRefused."""
+    *turned, last = seen
+    look = look_of(last, wanted)
+    sights: dict[str, Sight] = {}
+    for observation in turned:
+        for sight in look_of(observation, ()).all:
+            view = sight.view.model_copy(
+                update={"camera": camera_as_of(sight.view.camera, observation.pose, last.pose)}
+            )
+            sights[view.camera.name] = Sight(last.pose, view)
+    return Look(last, sights | look.sights)
+
+
+def camera_as_of(camera: WireCamera, pose: Pose, reference: Pose) -> WireCamera:
+    """The camera of a drone at `pose`, as a camera of the drone at `reference` in the same place and direction; its
+    name tells the heading it has there."""
+    turn_deg = math.degrees(math.remainder(reference.yaw - pose.yaw, math.tau))
+    heading = round(math.remainder(camera.heading_deg + turn_deg, 360.0), 6)
+    cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
+    offset = camera.offset
+    east = pose.x - reference.x + offset.forward_m * cos + offset.right_m * sin
+    north = pose.y - reference.y + offset.forward_m * sin - offset.right_m * cos
+    cos, sin = math.cos(reference.yaw), math.sin(reference.yaw)
+    moved = MountingOffset(
+        forward_m=round(east * cos + north * sin, 6),
+        right_m=round(east * sin - north * cos, 6),
+        up_m=round(pose.z - reference.z + offset.up_m, 6),
+    )
+    name = f"{camera.name}:{round(heading)}"
+    return camera.model_copy(update={"name": name, "heading_deg": heading, "offset": moved})
+
+
+def turns_needed(cameras: Sequence[Camera], reach_deg: float) -> tuple[float, ...]:
+    """Towards which headings (degrees to the right of the nose) the drone must turn so that its level cameras see
+    everything up to `reach_deg` to either side; ahead comes last. Empty where they see that without turning."""
+    level = [camera for camera in cameras if camera.is_level]
+    wanted = set(range(-math.floor(reach_deg), math.floor(reach_deg) + 1))
+    seen = {turn: _bearings_seen(level, turn) & wanted for turn in range(-180, 180, _TURN_STEP_DEG)}
+    turns, left = [0], wanted - seen[0]
+    while left:
+        best = max(seen, key=lambda turn: (len(seen[turn] & left), turn % 45 == 0, -abs(turn)))
+        if not seen[best] & left:
+            break  # no camera sees it, wherever the nose points
+        turns.append(best)
+        left -= seen[best]
+    return (*map(float, sorted(turns[1:])), 0.0) if len(turns) > 1 else ()
+
+
+def _bearings_seen(level: Sequence[Camera], turn_deg: float) -> set[int]:
+    """The whole degrees that the cameras see with the nose turned so far to the right."""
+    seen: set[int] = set()
+    for camera in level:
+        first, last = math.ceil(camera.left_deg + turn_deg - 1e-6), math.floor(camera.right_deg + turn_deg + 1e-6)
+        seen |= {(bearing + 180) % 360 - 180 for bearing in range(first, last + 1)}
+    return seen
 
 
 def _check_size(sight: Sight) -> None:

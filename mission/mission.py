@@ -125,6 +125,7 @@ def result_of(state: MissionState, context: MissionContext) -> DeliveryResult:
         timings_s={part: round(seconds, 4) for part, seconds in state.seconds.items()},
         model_calls=state.calls,
         renderer=state.renderer,
+        rig=context.placement.rig_name,
         stops=state.stops,
         search_policy=context.policy.name,
         inspected_share=memory.inspected_share,

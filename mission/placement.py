@@ -14,6 +14,11 @@ from mission.vehicle import Trial, Vehicle
 class Placement(Protocol):
     """A drone for one mission, and whoever judges its claim. Every method may raise PortError."""
 
+    @property
+    def rig_name(self) -> str | None:
+        """Which cameras a simulated drone was given; null where a vehicle brings its own."""
+        ...
+
     async def begin(self, key: str) -> Vehicle:
         """The drone at its start. The same `key` again is the same drone."""
         ...
@@ -40,6 +45,10 @@ class InTrial:
     flight: Flight
     rig: Rig
 
+    @property
+    def rig_name(self) -> str | None:
+        return self.rig.name
+
     async def begin(self, key: str) -> Vehicle:
         return await self.trial.begin(key, self.scene, self.flight, self.rig)
 
@@ -58,6 +67,10 @@ class OwnVehicle:
     """A vehicle that stands ready, and nobody to judge: the mission ends as delivered, not judged."""
 
     vehicle: Vehicle
+
+    @property
+    def rig_name(self) -> str | None:
+        return None
 
     async def begin(self, key: str) -> Vehicle:
         return self.vehicle

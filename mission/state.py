@@ -9,11 +9,11 @@ from uuid import uuid4
 
 from pydantic import JsonValue
 
-from contracts.base import Name, Unit, Wire
+from contracts.base import Name, Radians, Unit, Wire
 from contracts.geometry import Box, Point3, Pose
 from contracts.orchestrator import ModelCalls, Phase, Stop
 from contracts.sim import Verdict
-from contracts.vehicle import Move, VehicleState
+from contracts.vehicle import Move, Observation, VehicleState
 from mission.stages import Ended, ReadRequest, Stage
 
 
@@ -40,15 +40,25 @@ class PlannedFlight(Wire):
     why: str
 
 
+class LookUnderWay(Wire):
+    """A look for which the drone turns on the spot, because its cameras don't see all that the look needs: the yaw it
+    set out from and comes back to, the turns still to be looked towards (degrees to the right of that yaw), and what
+    was seen so far."""
+
+    yaw: Radians
+    turns_deg: tuple[float, ...]
+    seen: tuple[Observation, ...] = ()
+
+
 class MissionState(Wire):
     """All that a mission knows between two stops. `key` names the delivery: a trial is begun with it, once.
 
     `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
     flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
-    flown since the search or the facade was left, to go back along. `memory` is the search policy's own;
-    `silent_looks` counts useless answers in a row, `approaches` those begun and given up. `counted_at`: the number of
-    moves when a stop was counted last, for several questions at one place are one stop. `events`: the number of the
-    last event; `seconds`: wall time by part."""
+    flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
+    look that takes several stops. `silent_looks` counts useless answers in a row, `approaches` those begun and given
+    up. `counted_at`: the number of moves when a stop was counted last, for several questions at one place are one
+    stop. `events`: the number of the last event; `seconds`: wall time by part."""
 
     version: Literal[1] = 1
     key: Name
@@ -67,6 +77,7 @@ class MissionState(Wire):
     floor_height_m: float | None = None
     building_box: Box | None = None
     memory: dict[str, JsonValue] = {}
+    looking: LookUnderWay | None = None
     exploration_steps: int = 0
     silent_looks: int = 0
     approaches: int = 0

@@ -13,9 +13,9 @@ from contracts.event_data import EventData, MoveData, NoData, TurnData
 from contracts.geometry import Point3, Pose
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import MissionSettings, ModelCalls, OutcomeName, Phase, Stop
-from contracts.vehicle import Move, MoveResult, VehicleCapabilities, VehicleState
+from contracts.vehicle import Move, MoveResult, Observation, VehicleCapabilities, VehicleState
 from contracts.vlm_gateway import Answer, Role
-from mission.looks import Look, Sight, look_of
+from mission.looks import Look, Sight, look_of, navigation_camera
 from mission.model_calls import Reply, ask
 from mission.placement import Placement
 from mission.places import point_of, spoken
@@ -52,9 +52,21 @@ class Drone:
 
     @property
     def front(self) -> str:
-        """The level camera that looks along the nose, or the nearest to it."""
-        level = [c for c in self.capabilities.cameras if c.pitch_deg == 0.0] or list(self.capabilities.cameras)
-        return min(level, key=lambda c: abs(c.heading_deg)).name
+        """The camera that looks ahead. Raises MissionEnd (failed) where none does."""
+        ahead = next((camera for camera in self.capabilities.cameras if camera.looks_ahead), None)
+        if ahead is None:
+            raise MissionEnd("failed", "the drone has no level camera that looks ahead: no floor can be counted")
+        return ahead.name
+
+    @property
+    def front_up_m(self) -> float:
+        """How far the camera that looks ahead sits above the drone's centre."""
+        return next(c.offset.up_m for c in self.capabilities.cameras if c.name == self.front)
+
+    @property
+    def level(self) -> tuple[str, ...]:
+        """The cameras that see the horizon."""
+        return tuple(c.name for c in self.capabilities.cameras if navigation_camera(c).is_level)
 
     def within(self, reach_deg: float) -> tuple[str, ...]:
         """The cameras whose headings lie within that of the nose."""
@@ -157,13 +169,17 @@ class Step:
         self.spend(role, reply.seconds)
         return reply
 
+    async def observe(self, cameras: Sequence[str]) -> Observation:
+        """These cameras' views of one moment. Raises PortError."""
+        seen = await self.timed("observe", self.drone.vehicle.observe(cameras))
+        for part, seconds in seen.timings_s.items():
+            self.spend(part, seconds)
+        return seen
+
     async def look(self, cameras: Sequence[str] | None = None) -> Look:
         """One observation by these cameras, or by all. Raises PortError."""
         wanted = self.drone.cameras if cameras is None else tuple(cameras)
-        seen = await self.timed("observe", self.drone.vehicle.observe(wanted))
-        for part, seconds in seen.timings_s.items():
-            self.spend(part, seconds)
-        return look_of(seen, wanted)
+        return look_of(await self.observe(wanted), wanted)
 
     async def look_ahead(self) -> Sight:
         """The view along the nose. Raises PortError."""

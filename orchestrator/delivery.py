@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
-from contracts.cameras import default_rig
 from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
@@ -67,8 +66,7 @@ class Order:
 
     def placed(self, trial: Trial) -> InTrial:
         """The scene as a trial of that simulator."""
-        rig = default_rig().scaled_to(self.settings.image_size)
-        return InTrial(trial, self.scene, self.settings.flight, rig)
+        return InTrial(trial, self.scene, self.settings.flight, self.settings.rig_flown)
 
 
 class Run:

@@ -17,7 +17,6 @@ from uuid import uuid4, uuid5
 from pydantic import Field
 
 from contracts.base import Name, Wire
-from contracts.cameras import default_rig
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
 from evaluation.bench.prefetch import Prefetched
@@ -219,7 +218,7 @@ class Worker:
 
     def _placement(self, trial: Trial, order: Order, next_trial: Trial) -> Prefetched:
         flight = self._job.mission.flight
-        rig = default_rig().scaled_to(self._job.mission.image_size)
+        rig = self._job.mission.rig_flown
 
         def begin_next() -> None:
             if (task := order.upcoming) is not None:

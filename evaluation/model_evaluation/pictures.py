@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contracts.cameras import default_rig
 from contracts.geometry import Pose
 from contracts.images import DepthMap, decode_depth, jpeg_bytes
 from contracts.scene_layout import wall_height_m
@@ -16,7 +17,6 @@ from contracts.vehicle import Observation
 from evaluation.model_evaluation.cases import (
     CASES_FILE,
     CATALOGUE_FILE,
-    SIZE,
     STRANGE_SEED,
     Case,
     Front,
@@ -34,7 +34,6 @@ from navigation.camera import DepthView, pinhole
 from navigation.floor_localization import VerticalView, band, band_span_m
 
 NEAR_M, FAR_M = (3.5, 10.0), (10.0, 20.0)
-FRONT = "front"
 FRONT_VIEW = VerticalView(1.0, 1.0)
 """Of paper-five's front camera: 90 degrees down as across."""
 STEP_BACK_M, STEPS_BACK = 12.0, 3
@@ -75,7 +74,7 @@ def _rendered(seed: int, catalogue: Catalogue, folder: Path, simulator: SimClien
         return None
     rng = np.random.default_rng((seed, zlib.crc32(b"evaluation")))
     (folder / f"{seed}").mkdir(exist_ok=True)
-    with staged(simulator, shown.scene, SIZE) as stage:
+    with staged(simulator, shown.scene, default_rig()) as stage:
         looks = _looks(seed, shown, stage, folder, rng)
         fronts = _fronts(seed, shown, stage, folder)
     target = shown.scene.building(shown.scene.target)
@@ -125,7 +124,7 @@ def _fronts(seed: int, shown: Street, stage: Stage, folder: Path) -> list[Front]
     top_m = wall_height_m(shown.scene.building(shown.scene.target))
     if not stage.go(Stop(start.position.x, start.position.y, start.position.z, start.yaw)):
         return []
-    stand_off = _stand_off(stage.look(FRONT, depth=True))
+    stand_off = _stand_off(stage.look(stage.front, depth=True))
     if stand_off is None:
         return []
     span = band_span_m(stand_off, FRONT_VIEW)
@@ -149,7 +148,7 @@ def _fronts(seed: int, shown: Street, stage: Stage, folder: Path) -> list[Front]
 
 
 def _front(seed: int, number: int, stand_off: float, stage: Stage, folder: Path) -> Front:
-    seen = stage.look(FRONT, depth=True)
+    seen = stage.look(stage.front, depth=True)
     pose: Pose = seen.pose
     name = f"{seed}/front{number}.jpg"
     (folder / name).write_bytes(jpeg_bytes(seen.views[0].image))
@@ -161,7 +160,7 @@ def _front(seed: int, number: int, stand_off: float, stage: Stage, folder: Path)
         stand_off_m=stand_off,
         facade_top_m=top,
         picture=name,
-        truth=stage.truth(FRONT)[0],
+        truth=stage.truth(stage.front)[0],
     )
 
 

@@ -79,6 +79,8 @@ def label_of(settings: RunSettings) -> str:
         words.append("direct count")
     if mission.sightings.policy != usual.sightings.policy:
         words.append("claims at first sight")
+    if mission.rig != usual.rig:
+        words.append(f"rig {mission.rig.name}")
     if mission.band_reading != usual.band_reading:
         words.append("h_i as camera height")
     return ", ".join(words)

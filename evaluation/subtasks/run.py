@@ -51,8 +51,6 @@ ROLES: dict[Subtask, Role] = {
     "parse": "parser",
 }
 
-FRONT = "front"
-
 
 class Plan(NamedTuple):
     """Who is asked, and how often: `stops` places a task (two kinds of places for recognition, half each)."""
@@ -60,7 +58,6 @@ class Plan(NamedTuple):
     backend: Name
     parser: Name | None = None
     stops: int = 4
-    size: int = 800
     settings: MissionSettings = MissionSettings()
 
 
@@ -153,8 +150,8 @@ class Examiner:
         counts = []
         with self._stage(task) as stage:
             for _ in self._reached(stage, before_start(task, max(1, self._plan.stops // 2), self._rng(task))):
-                seen = stage.look(FRONT)
-                truth = stage.truth(FRONT)[0].floors_visible
+                seen = stage.look(stage.front)
+                truth = stage.truth(stage.front)[0].floors_visible
                 question = FloorCountQuestion(
                     model=self._plan.backend,
                     image=seen.views[0].image,
@@ -251,7 +248,7 @@ class Examiner:
     def _stage(self, task: Task) -> Iterator[Stage]:
         if self._simulator is None:
             raise ValueError("this subtask needs a simulator that tells the truth")
-        with staged(self._simulator, task.scene, self._plan.size) as stage:
+        with staged(self._simulator, task.scene, self._plan.settings.rig_flown) as stage:
             self._about.board(stage.episode)
             yield stage
 

@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from contracts.cameras import Camera, default_rig
+from contracts.cameras import Camera, Rig
 from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
 from contracts.scene_layout import wall_height_m
@@ -19,10 +19,11 @@ _ABOVE_M = 12.0
 class Stage:
     """One open scene. Every call raises SimulatorFault."""
 
-    def __init__(self, simulator: SimClient, scene: Scene, size: int) -> None:
+    def __init__(self, simulator: SimClient, scene: Scene, rig: Rig) -> None:
         self._simulator = simulator
         self._top_m = max(wall_height_m(building) for building in scene.buildings) + _ABOVE_M
-        self._rig = default_rig().scaled_to(size)
+        self._rig = rig
+        self.front = (rig.front or rig.cameras[0]).name
         opened = simulator.open(scene, self._rig)
         self.episode = opened.id
         self._pose: Pose = opened.vehicle.pose
@@ -54,9 +55,9 @@ class Stage:
 
 
 @contextmanager
-def staged(simulator: SimClient, scene: Scene, size: int) -> Iterator[Stage]:
+def staged(simulator: SimClient, scene: Scene, rig: Rig) -> Iterator[Stage]:
     """The scene, given back at the end. Raises SimulatorFault."""
-    stage = Stage(simulator, scene, size)
+    stage = Stage(simulator, scene, rig)
     try:
         yield stage
     finally:

@@ -12,6 +12,7 @@ from contracts.geometry import Box
 from mission.looks import Look, Sight
 from mission.places import distance_m, point_of, yaw_towards
 from mission.sighting import project
+from mission.stage_actions.looking import AHEAD_DEG, look_aside
 from mission.stage_actions.planning import plan_onward
 from mission.stage_actions.searching import Found, looks_again, search
 from mission.stages import (
@@ -61,9 +62,11 @@ async def begin_approach(step: Step, found: Found) -> FaceCandidate | AfterLook:
     return await _next_leg(step, approach, CheckCandidate, found.look, found.sight, found.match.box)
 
 
-async def face_candidate(step: Step, approach: Approach) -> AfterLook:
+async def face_candidate(step: Step, approach: Approach) -> FaceCandidate | AfterLook:
     """The second look, from where the first was made. Raises MissionEnd (answer_unreadable), PortError."""
-    look = await step.look()
+    look = await look_aside(step, AHEAD_DEG)
+    if look is None:
+        return FaceCandidate(approach=approach)
     again = _same(await search(step, look, "face to face", near=approach.last.place), approach.last)
     if again is None:
         first = approach.first
@@ -81,7 +84,10 @@ async def face_candidate(step: Step, approach: Approach) -> AfterLook:
 
 async def check_candidate(step: Step, approach: Approach) -> AfterLook:
     """After a leg to a thing that is not confirmed yet. Raises MissionEnd (answer_unreadable), PortError."""
-    look, again, _ = await _look_after_leg(step, approach)
+    looked = await _look_after_leg(step, approach)
+    if looked is None:
+        return CheckCandidate(approach=approach)
+    look, again, _ = looked
     if again is None:
         far = distance_m(look.pose, approach.last.place)
         return _give_up(step, approach, f"not seen again from {far:.1f} m", blocked=approach.goes_aside)
@@ -95,7 +101,10 @@ async def check_candidate(step: Step, approach: Approach) -> AfterLook:
 
 async def close_in(step: Step, approach: Approach, leg: type[CloseIn] | type[SqueezeIn]) -> AfterLook:
     """After a leg to a confirmed thing. Raises MissionEnd (answer_unreadable), PortError."""
-    look, again, other = await _look_after_leg(step, approach)
+    looked = await _look_after_leg(step, approach)
+    if looked is None:
+        return leg(approach=approach)
+    look, again, other = looked
     if again is not None:
         approach = _seen_again(approach, again)
         return await _confirmed(step, approach, leg, look, again.sight, again.match.box)
@@ -119,8 +128,11 @@ class _Looked(NamedTuple):
     other: Found | None
 
 
-async def _look_after_leg(step: Step, approach: Approach) -> _Looked:
-    look = await step.look()
+async def _look_after_leg(step: Step, approach: Approach) -> _Looked | None:
+    """Null where the drone has to turn for the look first."""
+    look = await look_aside(step, AHEAD_DEG)
+    if look is None:
+        return None
     found = await search(step, look, f"after leg {approach.legs}", near=approach.last.place)
     again = _same(found, approach.last)
     return _Looked(look, again, found if again is None else None)

@@ -57,14 +57,14 @@ async def rise_with_distance(step: Step, stage: RiseWithDistance) -> Climb:
 async def find_top(step: Step, stage: FindTop) -> BackOff | CountWhole:
     """Raises PortError."""
     sight, away = await step.look_ahead(), _away_m(step, stage)
-    top = facade.facade_top_m(sight.seen, away, sight.pose.z, FACADE)
+    top = facade.facade_top_m(sight.seen, away, sight.eye_z, FACADE)
     if top is None and stage.retreats < STEPS_BACK:
         return _turn_round(step, stage)
     return CountWhole(
         stand_off_m=stage.stand_off_m,
         home=stage.home,
         retreats=stage.retreats,
-        top_m=top if top is not None else sight.pose.z + away,
+        top_m=top if top is not None else sight.eye_z + away,
         top_seen=top is not None,
     )
 

@@ -4,9 +4,10 @@ import asyncio
 
 from mission.policies.base import NothingLeft, Plan
 from mission.stage_actions.approaching import begin_approach
+from mission.stage_actions.looking import ALL_ROUND_DEG, look_aside
 from mission.stage_actions.planning import memory_of, plan_onward
 from mission.stage_actions.searching import search
-from mission.stages import LookRound, Stage
+from mission.stages import LeaveBlocked, LookRound, Stage
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 
@@ -20,8 +21,10 @@ async def look_round(step: Step) -> Stage:
     last = step.settings.max_exploration_steps
     if step.state.exploration_steps >= last:
         raise _not_found(step, f"no window with {step.thing} was found {_looked(step)}")
+    look = await look_aside(step, ALL_ROUND_DEG)
+    if look is None:
+        return LookRound()
     step.update(exploration_steps=step.state.exploration_steps + 1)
-    look = await step.look()
     # the way on is worked out while the model looks; mostly it is needed
     plan = asyncio.create_task(plan_onward(step, look))
     try:
@@ -36,11 +39,14 @@ async def look_round(step: Step) -> Stage:
         await asyncio.gather(plan, return_exceptions=True)
 
 
-async def leave_blocked(step: Step) -> LookRound:
+async def leave_blocked(step: Step) -> LookRound | LeaveBlocked:
     """On to the policy's next stop without another question for the object. Raises as `look_round`."""
     _enter_search(step)
     if step.state.exploration_steps < step.settings.max_exploration_steps:
-        await _go_on(step, await plan_onward(step, await step.look()))
+        look = await look_aside(step, ALL_ROUND_DEG)
+        if look is None:
+            return LeaveBlocked()
+        await _go_on(step, await plan_onward(step, look))
     return LookRound()
 
 

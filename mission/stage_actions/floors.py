@@ -46,13 +46,13 @@ async def measure_stand_off(step: Step) -> Climb | BackOff:
     )
     if step.settings.floors == "direct-count":
         return leave_facade(step, stand_off)
-    return _climb_to(CountBand(stand_off_m=stand_off, band=band(1, span, view.camera_at)))
+    return _climb_to(step, CountBand(stand_off_m=stand_off, band=band(1, span, view.camera_at)))
 
 
 async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountBandFromNearer:
     """Raises MissionEnd: floor_not_found, answer_unreadable; PortError."""
     sight = await step.look_ahead()
-    top = facade.facade_top_m(sight.seen, stage.stand_off_m, sight.pose.z, FACADE)
+    top = facade.facade_top_m(sight.seen, stage.stand_off_m, sight.eye_z, FACADE)
     now = facade.stand_off_m(sight.seen, FACADE)
     steps_back = now is not None and DRIFT_M < now - stage.stand_off_m <= FACADE.recess_m
     if top is None and now is not None and steps_back:
@@ -92,13 +92,14 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
                 end = f"floor {step.state.floor} is not within {step.settings.max_bands} bands"
                 raise MissionEnd("floor_not_found", end)
             return _climb_to(
+                step,
                 CountBand(
                     stand_off_m=stage.stand_off_m,
                     band=decision.band,
                     floors_below=decision.floors_counted,
                     rows_below=_window_rows(sight, count, 0, stage.stand_off_m),
                     silent=stage.silent,
-                )
+                ),
             )
 
 
@@ -130,8 +131,13 @@ async def box_building(step: Step) -> LookRound:
     return LookRound()
 
 
-def _climb_to(stage: CountBand) -> Climb:
-    return Climb(to_m=stage.band.camera_m, why=f"to the middle of band {stage.band.number}", then=stage)
+def _climb_to(step: Step, stage: CountBand) -> Climb:
+    """To where the front camera stands at its place in the band."""
+    return Climb(
+        to_m=max(0.0, stage.band.camera_m - step.drone.front_up_m),
+        why=f"to the middle of band {stage.band.number}",
+        then=stage,
+    )
 
 
 def _held_against_rows(step: Step, final: FinalHeight, sight: Sight, count: Count, stand_off: float) -> FinalHeight:
@@ -157,4 +163,4 @@ def _window_rows(sight: Sight, count: Count, at: int, stand_off: float) -> Windo
         return None
     row = count.rows[at] if -1 <= at < len(count.rows) else 0.5
     wall_m = facade.wall_at_row_m(sight.seen, row, stand_off, FACADE)
-    return WindowRows(count.rows, sight.pose.z, wall_m, vertical(sight))
+    return WindowRows(count.rows, sight.eye_z, wall_m, vertical(sight))

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import MAX_VIEW_PIXELS
 from contracts.cameras import Camera as RigCamera
 from contracts.depth_assist import ViewDepth
 from contracts.geometry import Box
@@ -13,7 +14,6 @@ from navigation import viewpoint
 from navigation.camera import Camera, DepthView
 from service_kit.errors import BadQuestion
 
-MAX_VIEW_PIXELS = 1600 * 1600
 Rows = tuple[int, int]
 """First and past the last."""
 

@@ -16,7 +16,8 @@ def settings(viewpoint: str | None = None, choice: ChoicePolicy | None = None) -
         drift=0.0,
         parser=None,
         max_steps=30,
-        image_size=800,
+        rig="paper-five",
+        image_size=None,
         seed=0,
     )
 

@@ -7,7 +7,7 @@
 import re
 from dataclasses import dataclass, field
 
-from contracts.cameras import default_rig
+from contracts.cameras import Rig, default_rig
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -130,6 +130,6 @@ def block_ports(world: BlockWorld, vision: BlockVision | None = None, depth: Loc
     return Ports(SceneParser(), vision or BlockVision(world), depth or LocalDepthAssist())
 
 
-def block_placement(world: BlockWorld, scene: Scene | None = None) -> InTrial:
+def block_placement(world: BlockWorld, scene: Scene | None = None, rig: Rig = RIG) -> InTrial:
     """The block world's drone at its start, and its judge."""
-    return InTrial(world, scene or block_scene(world.block), Flight(), RIG)
+    return InTrial(world, scene or block_scene(world.block), Flight(), rig)

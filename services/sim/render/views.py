@@ -11,15 +11,13 @@ from typing import Any, Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.cameras import MAX_CAMERAS, Camera
+from contracts.cameras import MAX_CAMERAS, MAX_VIEW_PIXELS, Camera
 from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
 from services.sim.geometry.scene_mesh import SceneMesh
 
 NEAR_M = 0.05
 FAR_M = 1000.0
-MAX_SIDE_PX = 4096
-MAX_VIEW_PX = 1600 * 1600
 
 
 class RenderedViews(NamedTuple):
@@ -67,10 +65,10 @@ def check_cameras(cameras: Sequence[Camera]) -> None:
     if not 1 <= len(cameras) <= MAX_CAMERAS:
         raise ValueError(f"{len(cameras)} views were asked for; 1 to {MAX_CAMERAS} can be drawn at once")
     for camera in cameras:
-        if max(camera.width, camera.height) > MAX_SIDE_PX or camera.width * camera.height > MAX_VIEW_PX:
+        if camera.width * camera.height > MAX_VIEW_PIXELS:
             raise ValueError(
-                f"camera {camera.name!r} has {camera.width} x {camera.height} pixels; views of up to {MAX_VIEW_PX} "
-                f"pixels and {MAX_SIDE_PX} a side can be drawn"
+                f"camera {camera.name!r} has {camera.width} x {camera.height} pixels; views of up to {MAX_VIEW_PIXELS} "
+                "can be drawn"
             )
 
 

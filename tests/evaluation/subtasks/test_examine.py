@@ -9,6 +9,7 @@ from rich.console import Console
 from command_line.subtask import print_scores
 from contracts.geometry import Point3
 from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.orchestrator import MissionSettings
 from evaluation.sim_client import SimClient
 from evaluation.subtasks.figures import Subtask
 from evaluation.subtasks.run import Examiner, Plan, scored
@@ -73,7 +74,7 @@ async def asked(logs: Path, services: tuple[str, ...], subtasks: dict[Subtask, s
     ports = free_ports(services)
     group = Processes(ports, logs, environment=process_environment(), extra=oracle_settings(ports))
     async with group, Services(group.addresses) as clients:
-        plan = Plan("oracle", stops=2, size=400)
+        plan = Plan("oracle", stops=2, settings=MissionSettings(image_size=400))
         about = AskedVehicle()
         examiner = Examiner(plan, clients.ports(about), SimClient(group.addresses.sim), about)
         for subtask, name in subtasks.items():
