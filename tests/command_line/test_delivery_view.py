@@ -9,6 +9,7 @@ from command_line.delivery_view import LiveView, PlainView, print_result
 from contracts.events import Event, ResultEvent
 from contracts.orchestrator import DeliveryQuestion
 from mission.clients import Simulated
+from mission.record import read_delivery
 from orchestrator.delivery import Order, Run
 from tests.mission.block import Block, block_scene
 from tests.mission.block_vehicle import BlockWorld
@@ -57,3 +58,12 @@ async def test_the_live_view_shows_phases_model_calls_and_the_request_as_it_was_
     text = plain.export_text()
     assert text.startswith("DELIVERED")
     assert str(told) in text
+
+
+async def test_what_nobody_judged_is_not_shown_as_delivered(tmp_path: Path) -> None:
+    _, run = await flown(tmp_path)
+    result = read_delivery(run.record.folder).result
+    assert result is not None
+    console = Console(record=True, width=100, file=io.StringIO())
+    print_result(console, result.model_copy(update={"outcome": "delivered_not_judged"}), "runs/x")
+    assert console.export_text().startswith("DELIVERED NOT JUDGED")

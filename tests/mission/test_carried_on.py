@@ -10,8 +10,9 @@ import pytest
 from pydantic import ValidationError
 
 from contracts.event_data import EventData
+from contracts.geometry import Point3
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName, Phase
-from contracts.sim import Flight
+from contracts.sim import Flight, Verdict
 from mission.advance import advance
 from mission.mission import Mission, result_of
 from mission.placement import OwnVehicle
@@ -165,3 +166,18 @@ async def test_a_mission_goes_only_where_the_diagram_leads(given: dict[str, obje
         states = await states_of(block, completed(MissionSettings.model_validate(given | short)))
         for before, after in itertools.pairwise(states):
             assert (before.stage.at, after.stage.at) in edges()
+
+
+class NamesNoGoal(BlockWorld):
+    """A trial in a scene without a goal: it checks the stop, and judges nothing."""
+
+    async def claim(self, vehicle: str, target: Point3 | None) -> Verdict:
+        return (await super().claim(vehicle, target)).model_copy(update={"judged": False, "right_window": None})
+
+
+async def test_in_a_scene_without_a_goal_nothing_says_delivered_unmarked() -> None:
+    world, log = NamesNoGoal(BEHIND), Numbered()
+    result = await Mission(block_ports(world), block_placement(world), MissionSettings(), log).fly(REQUEST)
+    assert result.outcome == "delivered_not_judged"
+    assert "names no goal" in result.message
+    assert log.told[-1] == ("claim", result.message)
