@@ -25,7 +25,7 @@ _BEFORE_THING_M = 1.5
 """Railings and sills stand so near; they may be looked over from nearer."""
 
 
-class Settings(NamedTuple):
+class ApproachParameters(NamedTuple):
     """Free constants of the approach.
 
     `stop_distance_m`: from the drone's centre to the thing, along the facade's normal; more where a railing juts out,
@@ -47,7 +47,7 @@ class Settings(NamedTuple):
     retreats_m: tuple[float, ...] = (2.0, 4.0, 6.0, 9.0, 12.0)
     aside_turns_deg: tuple[float, ...] = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
     aside_out_m: tuple[float, ...] = (3.0, 4.5, 6.0)
-    target: targets.Settings = targets.Settings()
+    target: targets.TargetParameters = targets.TargetParameters()
 
 
 class Approach(NamedTuple):
@@ -68,7 +68,7 @@ class Approach(NamedTuple):
 
 
 def plan_approach(
-    view: DepthView, others: Sequence[DepthView], box: Box, pose: Pose, settings: Settings, max_leg_m: float
+    view: DepthView, others: Sequence[DepthView], box: Box, pose: Pose, settings: ApproachParameters, max_leg_m: float
 ) -> Approach:
     """The way from `pose` to the stop in front of the thing in `box` of `view`.
 
@@ -103,7 +103,7 @@ def plan_approach(
     return Approach("blocked", found, stop, (), False, free, _cut(aside, max_leg_m)[0] if aside else ())
 
 
-def stop_place(target: Target, points: Points, pose: Pose, settings: Settings) -> Place:
+def stop_place(target: Target, points: Points, pose: Pose, settings: ApproachParameters) -> Place:
     """Where the drone stops: in front of the thing along the facade's normal, clear of what juts out beside it.
 
     points: (N, 3) ENU.
@@ -116,7 +116,7 @@ def stop_place(target: Target, points: Points, pose: Pose, settings: Settings) -
     return Place(target.place.x + target.normal[0] * out, target.place.y + target.normal[1] * out, z)
 
 
-def free_along(points: Points, start: Place, end: Place, settings: Settings) -> float:
+def free_along(points: Points, start: Place, end: Place, settings: ApproachParameters) -> float:
     """How far the drone, grown by its clearance, can fly from start towards end; at most their distance.
 
     points: (N, 3) ENU. What lies within that distance of the start already counts only as far as it comes nearer.
@@ -139,7 +139,7 @@ def free_along(points: Points, start: Place, end: Place, settings: Settings) -> 
     return min(length, max(0.0, float(stops.min())))
 
 
-def _ways(start: Place, stop: Place, target: Target, settings: Settings) -> Iterator[tuple[Place, ...]]:
+def _ways(start: Place, stop: Place, target: Target, settings: ApproachParameters) -> Iterator[tuple[Place, ...]]:
     """The straight way, then the two-leg ways, shortest first."""
     yield start, stop
     corners = [
@@ -154,7 +154,7 @@ def _ways(start: Place, stop: Place, target: Target, settings: Settings) -> Iter
 
 
 def _aside(
-    start: Place, target: Target, points: Points, views: Sequence[DepthView], pose: Pose, settings: Settings
+    start: Place, target: Target, points: Points, views: Sequence[DepthView], pose: Pose, settings: ApproachParameters
 ) -> tuple[Place, ...]:
     """The straight way, its start included, to the nearest place that sees the thing from another side and that
     nothing is in the way of; empty where there is none.
@@ -191,7 +191,7 @@ def _towards(a: Place, b: Place, by_m: float) -> Place:
     return Place(*(p + (q - p) * share for p, q in zip(a, b, strict=True)))
 
 
-def _within_reach(points: Points, start: Place, stop: Place, settings: Settings) -> Points:
+def _within_reach(points: Points, start: Place, stop: Place, settings: ApproachParameters) -> Points:
     """The points that could touch any of the tried ways."""
     room = settings.drone_radius_m + settings.clearance_m
     reach = room + math.hypot(max(settings.retreats_m), max(abs(side) for side in settings.slide_offsets_m))
@@ -201,15 +201,15 @@ def _within_reach(points: Points, start: Place, stop: Place, settings: Settings)
     return kept
 
 
-def _is_free(way: tuple[Place, ...], points: Points, settings: Settings) -> bool:
+def _is_free(way: tuple[Place, ...], points: Points, settings: ApproachParameters) -> bool:
     return all(free_along(points, a, b, settings) >= math.dist(a, b) - 1e-6 for a, b in pairwise(way))
 
 
-def _is_seen(way: tuple[Place, ...], views: Sequence[DepthView], pose: Pose, settings: Settings) -> bool:
+def _is_seen(way: tuple[Place, ...], views: Sequence[DepthView], pose: Pose, settings: ApproachParameters) -> bool:
     return all(_looked_through(a, b, views, pose, settings) for a, b in pairwise(way))
 
 
-def _looked_through(a: Place, b: Place, views: Sequence[DepthView], pose: Pose, settings: Settings) -> bool:
+def _looked_through(a: Place, b: Place, views: Sequence[DepthView], pose: Pose, settings: ApproachParameters) -> bool:
     """Does some view see past every half metre of the leg, the drone's own surroundings apart?"""
     count = max(2, math.ceil(math.dist(a, b) / 0.5) + 1)
     places = np.linspace(np.array(a), np.array(b), count)

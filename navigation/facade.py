@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from navigation.camera import Depth, DepthView, row_slopes
 
 
-class Settings(NamedTuple):
+class FacadeParameters(NamedTuple):
     """How a facade is read from depth.
 
     `half_width_slope`: what is used lies within so many metres of the optical axis per metre of depth, to each side
@@ -33,7 +33,7 @@ class Settings(NamedTuple):
 _NEARER_M = 0.5
 
 
-def stand_off_m(view: DepthView, settings: Settings) -> float | None:
+def stand_off_m(view: DepthView, settings: FacadeParameters) -> float | None:
     """Distance from a level camera to the facade straight ahead of it: the median planar depth about its optical axis.
 
     None where too little of the middle has a return.
@@ -45,7 +45,7 @@ def stand_off_m(view: DepthView, settings: Settings) -> float | None:
     return float(np.median(returns))
 
 
-def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, settings: Settings) -> float | None:
+def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, settings: FacadeParameters) -> float | None:
     """The facade's upper edge above ground, from a level view at `camera_height_m`.
 
     The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
@@ -76,7 +76,7 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
     return max(0.0, camera_height_m + float(profile[top]) * (camera.cy_px - top) / camera.fy_px)
 
 
-def wall_at_row_m(view: DepthView, row: float, stand_off: float, settings: Settings) -> float:
+def wall_at_row_m(view: DepthView, row: float, stand_off: float, settings: FacadeParameters) -> float:
     """How far the facade is at a row of a level view (0..1 from the top), planar: the median of the middle columns
     there. The stand-off itself where they show something nearer, such as a balcony, or farther than the allowed
     recess: over a low building the middle of the picture looks at the houses behind it."""
@@ -100,11 +100,11 @@ def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:
     return profile
 
 
-def _middle_columns(view: DepthView, settings: Settings) -> slice:
+def _middle_columns(view: DepthView, settings: FacadeParameters) -> slice:
     return _about(view.camera.cx_px, view.camera.fx_px * settings.half_width_slope)
 
 
-def _middle_rows(view: DepthView, settings: Settings) -> slice:
+def _middle_rows(view: DepthView, settings: FacadeParameters) -> slice:
     return _about(view.camera.cy_px, view.camera.fy_px * settings.half_width_slope)
 
 

@@ -20,7 +20,7 @@ _HIDDEN_FLOORS = 1.25
 Reading = Literal["upper_edge", "camera_height"]
 
 
-class Settings(NamedTuple):
+class FloorLocalizationParameters(NamedTuple):
     """Free constants. `window_below_floors`: how far the window lies below its floor's upper edge, in floors.
     `min_height_m`: no height below this is flown to. `row_trust_floors`: how far eq. 3 may lie from the window row
     that was seen, in floors."""
@@ -130,7 +130,7 @@ def decide(
     floors_new: float | None,
     target_floor: int,
     facade_top_m: float | None,
-    settings: Settings,
+    settings: FloorLocalizationParameters,
 ) -> Decision:
     """Eq. 3 after looking at band `here`.
 
@@ -206,7 +206,9 @@ def down_to_ground(lowest: WindowRows) -> tuple[float, ...]:
     return (*lowest.rows, *(1.0,) * hidden)
 
 
-def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings: Settings) -> FinalHeight:
+def corrected(
+    final: FinalHeight, target_floor: int, seen: WindowRows, settings: FloorLocalizationParameters
+) -> FinalHeight:
     """Eq. 3's height held against the window row of the wanted floor, where the model says where it saw its floors.
 
     Eq. 3 stretches the floors over everything upright: the gable above the topmost floor counts as a part of it. A
@@ -226,7 +228,7 @@ def corrected(final: FinalHeight, target_floor: int, seen: WindowRows, settings:
 
 
 def _final(
-    here: Band, upper_m: float, current: float, floors_new: float, target: int, settings: Settings
+    here: Band, upper_m: float, current: float, floors_new: float, target: int, settings: FloorLocalizationParameters
 ) -> tuple[float, float]:
     if settings.reading == "camera_height":
         # h_0 is the ground in both readings, so the first step is half a band here and a whole one after it
@@ -240,7 +242,7 @@ def _final(
 
 
 def direct_count(
-    total_floors: float | None, building_height_m: float, target_floor: int, settings: Settings
+    total_floors: float | None, building_height_m: float, target_floor: int, settings: FloorLocalizationParameters
 ) -> FinalHeight | FloorNotFound | None:
     """The `direct-count` ablation: all floors counted in one picture of the whole building, all equally high.
 

@@ -12,7 +12,7 @@ LABELS = ("a", "b", "c", "d", "e")
 Variant = Literal["corridor", "bare"]
 
 
-class Settings(NamedTuple):
+class SafeDistanceParameters(NamedTuple):
     """Free constants of eq. 7.
 
     `corridor`: the drone, as a ball grown by `clearance_m`, flies until it would touch something. Where something
@@ -47,7 +47,9 @@ class MarkedPoint(NamedTuple):
     corridor: Corridor
 
 
-def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Settings) -> tuple[MarkedPoint, ...]:
+def safe_distances(
+    view: DepthView, others: Sequence[DepthView], settings: SafeDistanceParameters
+) -> tuple[MarkedPoint, ...]:
     """Eq. 7 for the points at x = W k / 6 (k = 1..5, labelled a-e) on the horizon of `view`, which must be level.
 
     `others` are further views of the same moment, level or not; the corridor uses their returns where it leaves the
@@ -78,7 +80,7 @@ def safe_distances(view: DepthView, others: Sequence[DepthView], settings: Setti
     return tuple(marked)
 
 
-def body_radius_m(points: Points, settings: Settings) -> float:
+def body_radius_m(points: Points, settings: SafeDistanceParameters) -> float:
     """Radius of the ball that is flown through `points` (nose frame): radius + clearance, less in a tight place."""
     full = settings.drone_radius_m + settings.clearance_m
     if not len(points):
@@ -109,7 +111,7 @@ def corridor(points: Points, bearing_right_deg: float, radius: float, l_max_m: f
     return Corridor(min(l_max_m, max(0.0, float(stops[first]))), float(along[first]), radius)
 
 
-def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: Settings) -> Corridor:
+def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: SafeDistanceParameters) -> Corridor:
     camera = view.camera
     depth = float(view.depth_m[int(camera.cy_px), min(int(x_px), camera.width - 1)])
     if math.isnan(depth):

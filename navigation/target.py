@@ -28,7 +28,7 @@ class Box(NamedTuple):
     y_max: float
 
 
-class Settings(NamedTuple):
+class TargetParameters(NamedTuple):
     """How target and facade are read from depth.
 
     `inner_share`: the middle of the box that is looked at, each way. `foreground_percentile`: which of its depths is
@@ -60,7 +60,7 @@ class Target(NamedTuple):
     plane_share: float
 
 
-def box_depth_m(view: DepthView, box: Box, settings: Settings) -> float | None:
+def box_depth_m(view: DepthView, box: Box, settings: TargetParameters) -> float | None:
     """Planar depth of the thing in the box, None where the box's middle has too few returns."""
     patch = view.depth_m[_inner(view, box, settings)]
     returns = patch[np.isfinite(patch)]
@@ -69,7 +69,7 @@ def box_depth_m(view: DepthView, box: Box, settings: Settings) -> float | None:
     return float(np.percentile(returns, settings.foreground_percentile))
 
 
-def box_place(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Place | None:
+def box_place(view: DepthView, box: Box, pose: Pose, settings: TargetParameters) -> Place | None:
     """ENU place of the box's middle at the thing's depth: its z is the thing's height above ground."""
     depth = box_depth_m(view, box, settings)
     if depth is None:
@@ -79,7 +79,7 @@ def box_place(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Plac
     return pixel_place(camera, x_px, y_px, depth, pose)
 
 
-def locate(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Target | None:
+def locate(view: DepthView, box: Box, pose: Pose, settings: TargetParameters) -> Target | None:
     """The thing in the box and the facade it stands at. None without depth in the box."""
     depth = box_depth_m(view, box, settings)
     place = box_place(view, box, pose, settings)
@@ -96,7 +96,7 @@ def locate(view: DepthView, box: Box, pose: Pose, settings: Settings) -> Target 
 
 
 def facade_normal(
-    ground_plan: NDArray[np.float32], towards_drone: tuple[float, float], settings: Settings
+    ground_plan: NDArray[np.float32], towards_drone: tuple[float, float], settings: TargetParameters
 ) -> tuple[tuple[float, float], float]:
     """Level unit normal (east, north) of the upright plane that most points lie on, on the drone's side, and the share.
 
@@ -149,7 +149,7 @@ def protrusion_m(points: Points, target: Target, half_width_m: float, at_most_m:
     return max(0.0, float(out[here].max())) if here.any() else 0.0
 
 
-def _inner(view: DepthView, box: Box, settings: Settings) -> tuple[slice, slice]:
+def _inner(view: DepthView, box: Box, settings: TargetParameters) -> tuple[slice, slice]:
     height, width = view.depth_m.shape
     cut = (1.0 - settings.inner_share) / 2.0
     width_share, height_share = box.x_max - box.x_min, box.y_max - box.y_min
@@ -159,7 +159,7 @@ def _inner(view: DepthView, box: Box, settings: Settings) -> tuple[slice, slice]
     )
 
 
-def _surroundings(view: DepthView, box: Box, settings: Settings) -> NDArray[np.bool_]:
+def _surroundings(view: DepthView, box: Box, settings: TargetParameters) -> NDArray[np.bool_]:
     camera = view.camera
     wide = (box.x_max - box.x_min) * camera.width / camera.fx_px
     high = (box.y_max - box.y_min) * camera.height / camera.fy_px

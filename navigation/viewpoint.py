@@ -21,7 +21,7 @@ Policy = Literal["paper", "random", "default"]
 Direction = Literal["clockwise", "counterclockwise"]
 
 
-class Settings(NamedTuple):
+class ViewpointParameters(NamedTuple):
     """Free constants of eq. 4-6.
 
     `slices`: x, the number of vertical slices. `delta_m`: eq. 4's threshold. `d_max_m`: where the search of d_max
@@ -126,7 +126,9 @@ def slice_means(
     return means
 
 
-def score_view(means_m: Sequence[float] | NDArray[np.float64], settings: Settings, d_max_m: float) -> ViewScore:
+def score_view(
+    means_m: Sequence[float] | NDArray[np.float64], settings: ViewpointParameters, d_max_m: float
+) -> ViewScore:
     """Eq. 4 and 5 for one view's slice means, given from the picture's left to its right; nan means are ignored.
 
     Eq. 4: mean(left) - mean(right) >= delta, and at most `max_over` right means beyond d_max. Eq. 5: among these, the
@@ -155,7 +157,7 @@ def score_view(means_m: Sequence[float] | NDArray[np.float64], settings: Setting
 
 def choose_view(
     views: Mapping[str, Sliced],
-    settings: Settings,
+    settings: ViewpointParameters,
     d_max_m: float | None,
     generator: np.random.Generator,
 ) -> Choice:

@@ -12,7 +12,7 @@ from evaluation.model_evaluation.pictures import FRONT_VIEW
 from evaluation.subtasks.figures import by_group, mean, rate
 from navigation.floor_localization import (
     FinalHeight,
-    Settings,
+    FloorLocalizationParameters,
     WindowRows,
     band,
     band_span_m,
@@ -22,7 +22,7 @@ from navigation.floor_localization import (
     rows_of_band,
 )
 
-_EQ3 = Settings()
+_EQ3 = FloorLocalizationParameters()
 
 
 class Heights(NamedTuple):

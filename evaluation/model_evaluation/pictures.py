@@ -37,7 +37,7 @@ NEAR_M, FAR_M = (3.5, 10.0), (10.0, 20.0)
 FRONT_VIEW = VerticalView(1.0, 1.0)
 """Of paper-five's front camera: 90 degrees down as across."""
 STEP_BACK_M, STEPS_BACK = 12.0, 3
-_FACADE = facade.Settings()
+_FACADE = facade.FacadeParameters()
 
 
 def render(

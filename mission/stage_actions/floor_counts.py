@@ -18,9 +18,17 @@ from mission.model_calls import Answered
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 from navigation import facade
-from navigation.floor_localization import Band, Climb, FinalHeight, FloorNotFound, Recount, Settings, VerticalView
+from navigation.floor_localization import (
+    Band,
+    Climb,
+    FinalHeight,
+    FloorLocalizationParameters,
+    FloorNotFound,
+    Recount,
+    VerticalView,
+)
 
-FACADE = facade.Settings()
+FACADE = facade.FacadeParameters()
 NUDGE_RAD = math.radians(4)
 
 Decision = Climb | FinalHeight | Recount | FloorNotFound
@@ -62,8 +70,8 @@ def vertical(sight: Sight) -> VerticalView:
     return VerticalView(sight.camera.up_slope, sight.camera.down_slope)
 
 
-def eq3_settings(step: Step) -> Settings:
-    return Settings(reading=step.settings.band_reading)
+def eq3_settings(step: Step) -> FloorLocalizationParameters:
+    return FloorLocalizationParameters(reading=step.settings.band_reading)
 
 
 def turn_a_little(step: Step, silent: int) -> None:

@@ -12,8 +12,8 @@ from navigation.explorer import facade, frontier, path
 from navigation.explorer.facade import Seed
 from navigation.explorer.goal import Decision, Goal, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
+from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama, thinned
-from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -72,7 +72,7 @@ def explore(
     memory: Memory | None,
     views: Sequence[DepthView],
     pose: Pose,
-    settings: Settings,
+    settings: ExplorerParameters,
     box_deg: tuple[float, float] = (-25.0, 25.0),
 ) -> Step:
     """The next stop. `memory` is None at the first call, `pose` the measured pose the views were taken at; `box_deg`
@@ -121,7 +121,7 @@ def _cut_now(memory: Memory, pose: Pose) -> int:
     return CUT_ON if aside > _CUT_ASIDE_M else CUT_OFF
 
 
-def _decide(memory: Memory, now: Now, settings: Settings) -> tuple[Decision, Memory]:
+def _decide(memory: Memory, now: Now, settings: ExplorerParameters) -> tuple[Decision, Memory]:
     """The goal, and the stop on the way to it. Where nothing useful can be reached: first the cut is lifted, then
     given-up pieces are taken up again, then the search is done."""
     pose, grid, target, near = now.scan.pose, memory.map, now.target, now.near
@@ -160,7 +160,9 @@ def _decide(memory: Memory, now: Now, settings: Settings) -> tuple[Decision, Mem
     return stay, memory._replace(stop=None)
 
 
-def _turn(memory: Memory, goal: Goal, left: Bools, now: Now, settings: Settings) -> tuple[Decision, Memory] | None:
+def _turn(
+    memory: Memory, goal: Goal, left: Bools, now: Now, settings: ExplorerParameters
+) -> tuple[Decision, Memory] | None:
     """On the spot: towards what can be seen from here, or along the way whose beginning is not seen to be free. None
     where the drone faces that way already."""
     pose = now.scan.pose
@@ -178,14 +180,16 @@ def _turn(memory: Memory, goal: Goal, left: Bools, now: Now, settings: Settings)
     return decision, after._replace(stuck=memory.stuck + 1)
 
 
-def _cut_cells(memory: Memory, settings: Settings) -> Bools:
+def _cut_cells(memory: Memory, settings: ExplorerParameters) -> Bools:
     grid, seed = memory.map, memory.seed
     if memory.cut != CUT_ON:
         return np.zeros_like(grid.inspected)
     return path.wall_from(grid, seed.x, seed.y, seed.normal, settings.cut_m, _CUT_HALF_WIDTH_M)
 
 
-def _await(memory: Memory, decision: Decision, left: Bools, now: Now, settings: Settings) -> tuple[Decision, Memory]:
+def _await(
+    memory: Memory, decision: Decision, left: Bools, now: Now, settings: ExplorerParameters
+) -> tuple[Decision, Memory]:
     """Which pieces that stop should show, and the yaw that shows them: towards their middle, else along the way."""
     grid = memory.map
     pieces = np.flatnonzero(left.reshape(-1))

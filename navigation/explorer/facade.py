@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navigation.explorer.map import CELL_M, OCCUPIED, SIZE, Map, cells_of, part_about
+from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import BINS, Scan
-from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -33,7 +33,7 @@ class Seed(NamedTuple):
     normal: tuple[float, float]
 
 
-def read_walls(scan: Scan, settings: Settings) -> Walls:
+def read_walls(scan: Scan, settings: ExplorerParameters) -> Walls:
     """Runs, normals and what is well seen."""
     run = runs(scan)
     normal = normals(scan, run)
@@ -157,7 +157,7 @@ def seen_cells(grid: Map, target: Bools) -> Bools:
     return seen
 
 
-def unseen(grid: Map, target: Bools, settings: Settings, min_patch_m: float | None = None) -> Bools:
+def unseen(grid: Map, target: Bools, settings: ExplorerParameters, min_patch_m: float | None = None) -> Bools:
     """(SIZE, SIZE) what is worth a stop: the target's cells that no stop has seen well, nor any cell beside them, and
     the expected ones; in pieces of at least `min_patch_m`, not yet tried in vain `attempts` times."""
     left = (target & ~seen_cells(grid, target) & (grid.attempts < settings.attempts)) | grid.expected

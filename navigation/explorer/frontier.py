@@ -22,8 +22,8 @@ from navigation.explorer.map import (
     part_about,
     to_turns,
 )
+from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import BINS, Scan
-from navigation.explorer.settings import Settings
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -49,14 +49,14 @@ class Guess(NamedTuple):
     through_free_m: float
 
 
-def expect(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settings) -> None:
+def expect(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: ExplorerParameters) -> None:
     """Draws, in place, what each end of the target's runs lets expect; then drops what has turned out otherwise."""
     for guess in guesses(grid, scan, walls, target, settings):
         _draw(grid, guess, target, settings)
     forget(grid, target, scan.pose)
 
 
-def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Settings) -> Iterator[Guess]:
+def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: ExplorerParameters) -> Iterator[Guess]:
     """One for each end of each run of the scan that belongs to the target, and for each edge of its outline at which
     no run ended: behind the last balcony a run may be of a few returns only."""
     points = scan.points(scan.range_m)
@@ -91,7 +91,7 @@ def openings(grid: Map, target: Bools) -> Bools:
     return found
 
 
-def expect_openings(grid: Map, target: Bools, settings: Settings) -> None:
+def expect_openings(grid: Map, target: Bools, settings: ExplorerParameters) -> None:
     """Draws, in place, the openings as expected facade that faces the free country beside it."""
     found = patches(openings(grid, target) & (grid.attempts == 0), settings.min_patch_m)
     rows, columns = np.nonzero(found)
@@ -159,7 +159,7 @@ def _beyond(
     members: NDArray[np.intp],
     end: int,
     step: int,
-    settings: Settings,
+    settings: ExplorerParameters,
 ) -> Guess | None:
     """What to expect beyond one end of a run, by what the neighbouring ray sees."""
     inner = _window_inside(points, members, end, step, max(0.9, 0.05 * float(scan.range_m[end])))
@@ -198,7 +198,9 @@ def _edges(scan: Scan, ours: Bools) -> list[tuple[int, int]]:
     return [(int(i), 1) for i in right] + [(int(i), -1) for i in left]
 
 
-def _round_the_edge(scan: Scan, points: Floats, ours: Bools, end: int, step: int, settings: Settings) -> Guess:
+def _round_the_edge(
+    scan: Scan, points: Floats, ours: Bools, end: int, step: int, settings: ExplorerParameters
+) -> Guess:
     """The hidden face behind an edge whose own run tells no normal: from the facade about it as a whole."""
     at = points[end]
     ray = at - (scan.pose.x, scan.pose.y)
@@ -239,7 +241,7 @@ def _bridge(
     along: Floats,
     end: int,
     step: int,
-    settings: Settings,
+    settings: ExplorerParameters,
 ) -> float | None:
     """How far the same wall goes on after a gap, None where it does not within `bridge_m`."""
     rays = np.arange(end + step, BINS, 1) if step > 0 else np.arange(end - 1, -1, -1)
@@ -251,7 +253,7 @@ def _bridge(
     return float(ahead[same].min()) if same.any() else None
 
 
-def _draw(grid: Map, guess: Guess, target: Bools, settings: Settings) -> None:
+def _draw(grid: Map, guess: Guess, target: Bools, settings: ExplorerParameters) -> None:
     steps = np.arange(CELL_M, guess.length_m + 1e-9, CELL_M / 2)
     places = np.array(guess.start) + steps[:, None] * np.array(guess.along)
     cells = cells_of(grid, places)

@@ -10,7 +10,7 @@ from navigation import safe_distance
 from navigation.camera import Points, Pose
 from navigation.explorer import path
 from navigation.explorer.map import Cells, Map, cells_of, middles_of
-from navigation.explorer.settings import Settings
+from navigation.explorer.parameters import ExplorerParameters
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -46,7 +46,13 @@ class Decision(NamedTuple):
 
 
 def choose_goal(
-    grid: Map, left: Bools, clear: Floats, walls: Bools, pose: Pose, settings: Settings, tight_cost: float = 1.0
+    grid: Map,
+    left: Bools,
+    clear: Floats,
+    walls: Bools,
+    pose: Pose,
+    settings: ExplorerParameters,
+    tight_cost: float = 1.0,
 ) -> Goal | None:
     """The place with the best gain / (way + bias) of those that see the piece of facade that is reached cheapest:
     nothing is left behind. `tight_cost`: of a metre with little room beside the drone. None where no place that can be
@@ -83,7 +89,7 @@ def _best_place(
     each: int,
     clear: Floats,
     here: Floats,
-    settings: Settings,
+    settings: ExplorerParameters,
 ) -> Goal | None:
     nodes = np.flatnonzero(useful & np.isfinite(reach.cost_m))
     nodes = nodes[np.argsort(reach.cost_m[nodes], kind="stable")]
@@ -128,14 +134,14 @@ def _best_place(
 
 
 def next_stop(
-    grid: Map, goal: Goal, clear: Floats, walls: Bools, pose: Pose, near: Points, settings: Settings
+    grid: Map, goal: Goal, clear: Floats, walls: Bools, pose: Pose, near: Points, settings: ExplorerParameters
 ) -> Decision | None:
     """The farthest point of the way that a straight flight through known free cells reaches, and that the scan at hand
     shows to be free for the whole body; with less clearance where there is none such."""
     here = np.array((pose.x, pose.y))
     gap = goal.way - here
     length = np.hypot(gap[:, 0], gap[:, 1])
-    body = safe_distance.Settings(
+    body = safe_distance.SafeDistanceParameters(
         l_max_m=settings.l_max_m,
         drone_radius_m=settings.drone_radius_m,
         clearance_m=settings.clearance_m,

@@ -58,7 +58,7 @@ def build_app(*, max_body_bytes: int, token: str | None = None) -> FastAPI:
 def choose_viewpoint(question: ViewpointQuestion) -> ViewpointAnswer:
     """Raises BadQuestion for views that can't be read, sliced or told apart, and where none is level."""
     asked = question.settings
-    settings = viewpoint.Settings(**asked.model_dump())
+    settings = viewpoint.ViewpointParameters(**asked.model_dump())
     views = level(checked(question.views))
     rows = {} if question.building_box is None else front_rows(ahead(views), views, question.building_box)
     sliced = {
@@ -91,7 +91,7 @@ def measure_safe_distances(question: SafeDistancesQuestion) -> SafeDistancesAnsw
     """Raises BadQuestion for views that can't be read or told apart."""
     asked = checked((question.view, *question.others))
     level(asked[:1])
-    settings = safe_distance.Settings(**question.settings.model_dump())
+    settings = safe_distance.SafeDistanceParameters(**question.settings.model_dump())
     view, *others = depth_views(asked, settings.sensor_range_m)
     marked = safe_distance.safe_distances(view, others, settings)
     return SafeDistancesAnswer(
@@ -114,7 +114,7 @@ def plan_approach(question: ApproachQuestion) -> ApproachAnswer:
     """Raises BadQuestion for views that can't be read or told apart."""
     views = checked((question.view, *question.others))
     asked = question.settings
-    settings = approach.Settings(
+    settings = approach.ApproachParameters(
         drone_radius_m=asked.drone_radius_m,
         clearance_m=asked.clearance_m,
         stop_distance_m=asked.stop_distance_m,

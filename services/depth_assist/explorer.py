@@ -9,10 +9,10 @@ from contracts.depth_assist import ExploreAnswer, ExploreDrawing, ExploreQuestio
 from contracts.geometry import Box, Point2
 from contracts.images import BadImage, decode_base64
 from navigation.camera import DepthView, Pose, bearing_deg
-from navigation.explorer import blob, facade
+from navigation.explorer import facade, map_codec
 from navigation.explorer.explore import Memory, NoFacade, Step, explore
 from navigation.explorer.map import CELL_M, SIZE, Bools, Map, middles_of
-from navigation.explorer.settings import Settings
+from navigation.explorer.parameters import ExplorerParameters
 from service_kit.errors import BadQuestion
 from services.depth_assist.views import camera_of
 
@@ -33,7 +33,7 @@ def next_step(question: ExploreQuestion, views: list[DepthView], front: RigCamer
             "leave the map out to begin a new search",
             code="outside_map",
         )
-    settings = Settings(**question.settings.model_dump())
+    settings = ExplorerParameters(**question.settings.model_dump())
     try:
         step = explore(memory, views, pose, settings, _bearings(question.building_box, front))
     except NoFacade as error:
@@ -43,7 +43,7 @@ def next_step(question: ExploreQuestion, views: list[DepthView], front: RigCamer
 
 def pack(memory: Memory) -> str:
     """The memory as text: zstd, base64; a few KB."""
-    return pybase64.b64encode(zstandard.ZstdCompressor(level=3).compress(blob.to_bytes(memory))).decode("ascii")
+    return pybase64.b64encode(zstandard.ZstdCompressor(level=3).compress(map_codec.to_bytes(memory))).decode("ascii")
 
 
 def unpack(text: str) -> Memory:
@@ -51,13 +51,13 @@ def unpack(text: str) -> Memory:
     try:
         packed = decode_base64(text, "map")
         stated = zstandard.frame_content_size(packed)
-        if stated != blob.LENGTH:
-            raise BadQuestion(f"the map unpacks to {stated} bytes; it needs {blob.LENGTH}", code="bad_map")
-        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=blob.LENGTH)
-        return blob.from_bytes(data)
+        if stated != map_codec.LENGTH:
+            raise BadQuestion(f"the map unpacks to {stated} bytes; it needs {map_codec.LENGTH}", code="bad_map")
+        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=map_codec.LENGTH)
+        return map_codec.from_bytes(data)
     except zstandard.ZstdError as error:
         raise BadQuestion(f"the map is not a zstd frame: {error}", code="bad_map") from None
-    except (BadImage, blob.BadMemory) as error:
+    except (BadImage, map_codec.BadMemory) as error:
         raise BadQuestion(str(error), code="bad_map") from None
 
 

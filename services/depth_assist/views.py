@@ -84,7 +84,7 @@ def front_rows(front: RigCamera, views: Sequence[ViewDepth], box: Box) -> dict[s
     return rows
 
 
-def slice_means(view: ViewDepth, settings: viewpoint.Settings, rows: Rows | None) -> NDArray[np.float64]:
+def slice_means(view: ViewDepth, settings: viewpoint.ViewpointParameters, rows: Rows | None) -> NDArray[np.float64]:
     """Raises BadQuestion for depth that can't be read or sliced."""
     try:
         units = decode_depth_units(view.depth)

@@ -8,8 +8,15 @@ from pathlib import Path
 import httpx
 
 from contracts.cameras import default_rig
+from contracts.orchestrator import DeliveryQuestion, MissionSettings
 from contracts.scene import Scene
 from contracts.sim import Catalogue, Episode, Truth
+from launcher.processes import Processes, free_ports, oracle_settings
+from mission.clients import Services
+from orchestrator import sample_library
+from orchestrator.delivery import Order, Run
+from service_kit.addresses import FLIGHT_SERVICES
+from service_kit.settings import process_environment
 from tests.extending.conftest import install
 from tests.load.processes import free_port, service
 from tests.services.sim.conftest import make_yard
@@ -40,6 +47,25 @@ def test_an_installed_class_is_in_the_catalogue_and_stands_in_scenes(extras: Pat
         seen = [thing for view in told.views for thing in view.objects]
         assert {(thing.kind, thing.colour, thing.goal) for thing in seen} == {("surfboard", "orange", True)}
         assert max(thing.pixels for thing in seen) > 200
+
+
+async def test_a_delivery_finds_the_window_with_an_installed_class(extras: Path, tmp_path: Path) -> None:
+    sample = sample_library.load("green-flower-pot").scene
+    goal, *others = sample.objects
+    board = goal.model_copy(update={"kind": "surfboard", "colour": "orange", "scale": 1.0})
+    asked = DeliveryQuestion(
+        request="fourth floor, the window with the orange surfboard",
+        scene=sample.model_copy(update={"name": "surfboard", "objects": (board, *others)}),
+        backend="oracle",
+        settings=MissionSettings(image_size=320),
+    )
+    ports = free_ports(FLIGHT_SERVICES)
+    environment = process_environment() | {"PYTHONPATH": str(extras), "CACHE_MODE": "off"}
+    group = Processes(ports, tmp_path / "logs", environment=environment, extra=oracle_settings(ports))
+    async with group, Services(group.addresses) as services:
+        result = await Run(Order(asked), tmp_path / "runs").fly(services.simulated())
+    assert result.outcome == "delivered", result.message
+    assert result.object == "orange surfboard"
 
 
 def test_a_class_that_is_not_as_large_as_it_says_ends_the_service_with_a_sentence(tmp_path: Path) -> None:

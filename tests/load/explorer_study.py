@@ -24,7 +24,7 @@ from evaluation.task_set.task_files import load
 from navigation import safe_distance, viewpoint
 from navigation.camera import DepthView, Pose, move_pose, pinhole
 from navigation.explorer.explore import Memory, explore
-from navigation.explorer.settings import Settings
+from navigation.explorer.parameters import ExplorerParameters
 from navigation.shortest_path import NoWay
 from tests.navigation.explorer_worlds import (
     AROUND,
@@ -73,7 +73,7 @@ class Flight(NamedTuple):
 Policy = Callable[[dict[int, DepthView], Pose], Move]
 
 
-def contour(settings: Settings) -> Policy:
+def contour(settings: ExplorerParameters) -> Policy:
     """The contour explorer, its memory between the steps."""
     memory: Memory | None = None
 
@@ -90,7 +90,7 @@ def contour(settings: Settings) -> Policy:
 def paper() -> Policy:
     """Eq. 4-7 with the corridor and the centre point; 30 degrees left where nothing is free."""
     d_max: float | None = None
-    settings = viewpoint.Settings()
+    settings = viewpoint.ViewpointParameters()
 
     def step(views: dict[int, DepthView], pose: Pose) -> Move:
         nonlocal d_max
@@ -103,7 +103,9 @@ def paper() -> Policy:
         choice = viewpoint.choose_view(means, settings, d_max, np.random.default_rng(0))
         d_max = choice.d_max_next_m
         others = [views[h] for h in HEADINGS if h != choice.heading_deg]
-        points = safe_distance.safe_distances(views[int(choice.heading_deg)], others, safe_distance.Settings())
+        points = safe_distance.safe_distances(
+            views[int(choice.heading_deg)], others, safe_distance.SafeDistanceParameters()
+        )
         centre = points[2]
         free = centre if centre.corridor.distance_m >= 1.0 else max(points, key=lambda p: p.corridor.distance_m)
         if free.corridor.distance_m < 1.0:
@@ -203,7 +205,7 @@ def main() -> None:
             for around in AROUND
         ]
     )
-    made: dict[str, Callable[[], Policy]] = {"contour": lambda: contour(Settings()), "paper": paper}
+    made: dict[str, Callable[[], Policy]] = {"contour": lambda: contour(ExplorerParameters()), "paper": paper}
     rows = {}
     for name in options.policies.split(","):
         flights = [

@@ -6,10 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from navigation.approach import Approach, Settings, plan_approach
+from navigation.approach import Approach, ApproachParameters, plan_approach
 from navigation.camera import DepthView, Place, Pose, pinhole
-from navigation.target import Box, box_place, facade_normal, locate
-from navigation.target import Settings as TargetSettings
+from navigation.target import Box, TargetParameters, box_place, facade_normal, locate
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle
 
 NORTH = math.pi / 2
@@ -17,7 +16,7 @@ CAMERA = pinhole(160, 160, 90.0)
 WALL = Prism(rectangle(0.0, 5.0, 60.0, 10.0), 0.0, 20.0)  # its south face is y = 0
 POT = Prism(rectangle(1.0, -0.15, 0.6, 0.3), 8.0, 8.6)  # on a sill; its front is y = -0.3
 
-STOPS_AT_2_M = Settings(stop_distance_m=2.0)
+STOPS_AT_2_M = ApproachParameters(stop_distance_m=2.0)
 
 
 def _box(pose: Pose, heading: int, low: Place, high: Place) -> Box:
@@ -49,7 +48,7 @@ def _assert_flies_clear(world: World, pose: Pose, approach: Approach, room_m: fl
 def test_the_boxs_middle_has_a_height_above_ground() -> None:
     pose = Pose(-2.0, -9.0, 7.0, NORTH)
     view = World([WALL, POT]).views(pose, CAMERA)[0]
-    place = box_place(view, _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6)), pose, TargetSettings())
+    place = box_place(view, _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6)), pose, TargetParameters())
     assert place is not None
     np.testing.assert_allclose(place, (1.0, -0.3, 8.3), atol=0.02)
 
@@ -58,7 +57,7 @@ def test_the_thing_is_measured_and_not_the_wall_that_shows_beside_it() -> None:
     pose = Pose(1.0, -9.0, 8.3, NORTH)
     view = World([WALL, POT]).views(pose, CAMERA)[0]
     wide = _box(pose, 0, Place(0.5, -0.3, 7.8), Place(1.5, -0.3, 8.8))
-    place = box_place(view, wide, pose, TargetSettings(inner_share=1.0, foreground_percentile=25.0))
+    place = box_place(view, wide, pose, TargetParameters(inner_share=1.0, foreground_percentile=25.0))
     assert place is not None
     assert place.y == pytest.approx(-0.3, abs=0.01)
 
@@ -180,24 +179,24 @@ def test_where_the_stop_is_hidden_the_drone_flies_to_a_corner_and_looks_again() 
 
 def test_without_depth_in_the_box_there_is_no_target() -> None:
     views = World([]).views(Pose(0.0, 0.0, 8.0, NORTH), CAMERA)
-    sky = plan_approach(views[0], (), Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), Settings(), 40.0)
+    sky = plan_approach(views[0], (), Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), ApproachParameters(), 40.0)
     assert sky == Approach("no_depth")
     invalid = DepthView(pinhole(20, 20, 90.0), np.full((20, 20), np.nan, np.float32))
-    assert locate(invalid, Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), TargetSettings()) is None
+    assert locate(invalid, Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), TargetParameters()) is None
 
 
 def test_a_box_of_a_single_pixel_has_depth() -> None:
     pose = Pose(1.0, -9.0, 8.3, NORTH)
     view = World([WALL, POT]).views(pose, CAMERA)[0]
-    place = box_place(view, Box(0.5, 0.5, 0.501, 0.501), pose, TargetSettings())
+    place = box_place(view, Box(0.5, 0.5, 0.501, 0.501), pose, TargetParameters())
     assert place is not None
     assert place.y == pytest.approx(-0.3, abs=0.01)
 
 
 def test_where_no_plane_is_found_the_facade_is_taken_to_face_the_drone() -> None:
     points = np.random.default_rng(0).uniform(-5, 5, (400, 2)).astype(np.float32)
-    assert facade_normal(points, (0.0, -1.0), TargetSettings(min_inlier_share=0.5)) == ((0.0, -1.0), 0.0)
-    assert facade_normal(points[:5], (0.0, -1.0), TargetSettings()) == ((0.0, -1.0), 0.0)
+    assert facade_normal(points, (0.0, -1.0), TargetParameters(min_inlier_share=0.5)) == ((0.0, -1.0), 0.0)
+    assert facade_normal(points[:5], (0.0, -1.0), TargetParameters()) == ((0.0, -1.0), 0.0)
 
 
 def test_a_noisy_wall_with_windows_and_railings_still_gives_its_normal() -> None:
@@ -208,6 +207,6 @@ def test_a_noisy_wall_with_windows_and_railings_still_gives_its_normal() -> None
     tilt = math.radians(25.0)
     normal = np.array((math.sin(tilt), -math.cos(tilt)))
     points = along[:, None] * np.array((normal[1], -normal[0])) + out[:, None] * normal
-    found, share = facade_normal(points.astype(np.float32), (0.0, -1.0), TargetSettings())
+    found, share = facade_normal(points.astype(np.float32), (0.0, -1.0), TargetParameters())
     assert math.degrees(math.acos(min(1.0, float(np.dot(found, normal))))) < 1.5
     assert share > 0.4

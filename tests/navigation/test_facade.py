@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from navigation.camera import Depth, DepthView, Pose, pinhole
-from navigation.facade import Settings, facade_top_m, stand_off_m, wall_at_row_m
+from navigation.facade import FacadeParameters, facade_top_m, stand_off_m, wall_at_row_m
 from tests.navigation.raycast_world import Prism, World, rectangle
 
-USUAL = Settings()
+USUAL = FacadeParameters()
 CAMERA = pinhole(200, 200, 90.0)
 
 
@@ -91,7 +91,7 @@ def test_the_wall_at_a_row_is_measured_there_and_the_stand_off_stands_in_for_wha
     depth = np.full((100, 100), 60.0, np.float32)  # houses far behind, over the roof
     depth[60:80] = 10.5
     depth[80:] = 8.0  # a balcony
-    settings = Settings()
+    settings = FacadeParameters()
     assert wall_at_row_m(_seen(depth), 0.70, 10.0, settings) == pytest.approx(10.5)
     assert wall_at_row_m(_seen(depth), 0.30, 10.0, settings) == 10.0
     assert wall_at_row_m(_seen(depth), 0.90, 10.0, settings) == 10.0

@@ -10,9 +10,9 @@ from navigation.floor_localization import (
     Band,
     Climb,
     FinalHeight,
+    FloorLocalizationParameters,
     FloorNotFound,
     Recount,
-    Settings,
     VerticalView,
     WindowRows,
     across_edge,
@@ -25,9 +25,9 @@ from navigation.floor_localization import (
     row_height_m,
 )
 
-UPPER = Settings()
+UPPER = FloorLocalizationParameters()
 SQUARE = VerticalView(1.0, 1.0)
-CAMERA = Settings(reading="camera_height")
+CAMERA = FloorLocalizationParameters(reading="camera_height")
 
 
 def test_a_band_is_what_the_camera_sees_at_its_stand_off() -> None:

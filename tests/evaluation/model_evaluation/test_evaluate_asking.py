@@ -16,7 +16,7 @@ from contracts.vlm_gateway import (
 )
 from evaluation.model_evaluation.asking import Asker
 from mission.ports import ModelUnreachable
-from tests.evaluation.model_evaluation.test_evaluate_scores import LEFT, case, front, look, thing
+from tests.evaluation.model_evaluation.test_evaluate_scores import CAMERAS, LEFT, case, front, look, thing
 from tests.mission.block_vehicle import BlockWorld
 from tests.mission.box_world import WHO, BlockVision
 
@@ -44,8 +44,8 @@ class Away(BlockVision):
 
 
 async def test_questions_at_which_the_model_was_out_of_reach_are_counted_and_left_out(tmp_path: Path) -> None:
-    for name in ("-90.jpg", "-45.jpg", "0.jpg", "45.jpg", "90.jpg", "front.jpg"):
-        (tmp_path / name).write_bytes(PICTURE)
+    for camera in CAMERAS:
+        (tmp_path / f"{camera.name}.jpg").write_bytes(PICTURE)
     streets = [case(seed, look(thing("mug", "red", LEFT)), fronts=(front(1, 3), front(2, 3))) for seed in (1, 2)]
     answers = await Asker(Away(BlockWorld()), tmp_path, Catalogue(entries=()), "m").ask(streets)
     assert answers.unreachable == 2

@@ -341,8 +341,11 @@ async def test_a_token_is_asked_for_where_one_is_set() -> None:
 
 
 def test_the_contracts_defaults_are_those_of_the_mathematics() -> None:
-    assert viewpoint.Settings(**ViewpointSettings().model_dump()) == viewpoint.Settings()
-    assert safe_distance.Settings(**SafeDistanceSettings().model_dump()) == safe_distance.Settings()
+    assert viewpoint.ViewpointParameters(**ViewpointSettings().model_dump()) == viewpoint.ViewpointParameters()
+    assert (
+        safe_distance.SafeDistanceParameters(**SafeDistanceSettings().model_dump())
+        == safe_distance.SafeDistanceParameters()
+    )
     wire = ApproachSettings().model_dump()
     wire.pop("sensor_range_m")
-    assert approach.Settings(**wire) == approach.Settings()
+    assert approach.ApproachParameters(**wire) == approach.ApproachParameters()

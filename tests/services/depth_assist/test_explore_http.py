@@ -18,7 +18,7 @@ from contracts.depth_assist import ExploreAnswer, ExploreQuestion, ViewDepth
 from contracts.geometry import Box, Pose
 from contracts.images import encode_depth
 from navigation import camera
-from navigation.explorer import blob
+from navigation.explorer import map_codec
 from services.depth_assist.bootstrap import bootstrap
 from services.depth_assist.settings import DepthAssistSettings
 from tests.cameras import NAMES
@@ -113,7 +113,7 @@ def test_the_buildings_box_says_which_wall_ahead_is_meant(client: httpx.Client) 
         ("!!!!", "base64"),
         ("AAAAAAAA", "zstd"),
         (_packed(b"short"), "5 bytes"),
-        (_packed(bytes(blob.LENGTH)), "no explorer's map"),
+        (_packed(bytes(map_codec.LENGTH)), "no explorer's map"),
         (_packed(bytes(50_000_000)), "50000000 bytes"),
     ],
 )

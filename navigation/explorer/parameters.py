@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 
-class Settings(NamedTuple):
+class ExplorerParameters(NamedTuple):
     """Lengths in metres, angles in degrees.
 
     Flight: `l_max_m` caps a move, `min_move_m` is the shortest worth flying; the drone is a ball of `drone_radius_m`,
