@@ -12,7 +12,7 @@ summary.png      one picture for people
 import os
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, Protocol, Self
@@ -20,7 +20,8 @@ from typing import Literal, Protocol, Self
 from pydantic import ValidationError
 
 from contracts.event_data import EventData
-from contracts.events import Event, KnownEvent, new_event, read_event
+from contracts.events import Event, KnownEvent, MoveEvent, PlacedEvent, new_event, read_event
+from contracts.geometry import Point3, Pose
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Phase
 from mission.state import MissionState
 
@@ -205,3 +206,12 @@ def cut_off(events: int) -> DeliveryResult:
         model_calls={},
         renderer=None,
     )
+
+
+def track_of(events: Sequence[Event]) -> list[Pose | Point3]:
+    """The poses and way points of a record, in the order flown."""
+    track: list[Pose | Point3] = [e.data.pose for e in events if isinstance(e, PlacedEvent)]
+    for event in events:
+        if isinstance(event, MoveEvent):
+            track += [*event.data.corners, event.data.to]
+    return track

@@ -8,16 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from navigation import target as targets
-from navigation.camera import (
-    DepthView,
-    Place,
-    Points,
-    Pose,
-    cloud,
-    nearest_of_blocks,
-    pixels_of,
-    to_enu,
-)
+from navigation.camera import DepthView, Place, Pose, pixels_of
+from navigation.point_cloud import Points, cloud, nearest_of_blocks, to_enu
 from navigation.target import Box, Target
 
 _ANOTHER_SIDE_RAD = math.radians(20.0)

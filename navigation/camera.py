@@ -11,7 +11,6 @@ View headings and bearings are in degrees, positive to the right; pitch in degre
 optical axis (planar z).
 """
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -21,9 +20,6 @@ from numpy.typing import NDArray
 
 Depth = NDArray[np.float32]
 """(H, W) metres along the optical axis; inf where nothing was hit, nan where the pixel is invalid."""
-
-Points = NDArray[np.float32]
-"""(N, 3) metres; each function names the frame."""
 
 TOUCHING_DEG = 1e-6
 """Pictures whose edges lie no farther apart than this leave no gap between them."""
@@ -236,101 +232,12 @@ def eye_of(camera: Camera, pose: Pose) -> Place:
     )
 
 
-def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
-    """(N, 3) nose frame: every finite return of a view, or those of them where `mask` (H, W) holds."""
-    camera = view.camera
-    width = camera.width
-    kept = np.isfinite(view.depth_m)
-    if mask is not None:
-        kept &= mask
-    at = np.flatnonzero(kept)  # several times faster than nonzero of two axes, as whole division is than divmod
-    rows = at // width
-    columns = at - rows * width
-    depth = view.depth_m.ravel()[at]
-    across = depth * column_slopes(camera)[columns]
-    up = depth * row_slopes(camera)[rows]
-    if camera.pitch_deg:
-        depth, up = _levelled_array(camera, depth, up)
-    angle = math.radians(camera.heading_deg)
-    cos, sin = np.float32(math.cos(angle)), np.float32(math.sin(angle))
-    points = np.empty((3, len(at)), np.float32).T  # axis by axis in memory, as everything that reads it goes
-    np.subtract(depth * cos, across * sin, out=points[:, 0])
-    np.add(depth * sin, across * cos, out=points[:, 1])
-    points[:, 2] = up
-    if camera.is_offset:
-        points += np.array((camera.forward_m, camera.right_m, camera.up_m), np.float32)
-    return points
-
-
-def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m: float) -> Points:
-    """(N, 3) nose frame: the returns of all views up to a planar depth, and no more than so far above or below the
-    drone's centre. Cameras that look up or down help: they see what hangs over a corridor or stands under it."""
-    parts = [_nearby(view, depth_limit_m, half_height_m) for view in views]
-    return np.concatenate(parts) if parts else np.zeros((0, 3), np.float32)
-
-
-def _nearby(view: DepthView, depth_limit_m: float, half_height_m: float) -> Points:
-    camera = view.camera
-    if camera.pitch_deg or camera.up_m:
-        points = cloud(view, view.depth_m <= np.float32(depth_limit_m))
-        near: Points = points[np.abs(points[:, 2]) <= np.float32(half_height_m)]
-        return near
-    slopes = np.abs(row_slopes(camera))
-    with np.errstate(divide="ignore"):
-        limit = np.minimum(np.float32(half_height_m) / slopes, np.float32(depth_limit_m))
-    return cloud(view, view.depth_m <= limit[:, None])
-
-
 def _levelled(camera: Camera, depth_m: float, up_m: float) -> tuple[float, float]:
     """A camera-frame depth and height as level distance along the heading and height above the camera."""
     if not camera.pitch_deg:
         return depth_m, up_m
     cos, sin = math.cos(math.radians(camera.pitch_deg)), math.sin(math.radians(camera.pitch_deg))
     return depth_m * cos - up_m * sin, depth_m * sin + up_m * cos
-
-
-def _levelled_array(
-    camera: Camera, depth_m: NDArray[np.float32], up_m: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The same for arrays, in 32 bits."""
-    cos = np.float32(math.cos(math.radians(camera.pitch_deg)))
-    sin = np.float32(math.sin(math.radians(camera.pitch_deg)))
-    return depth_m * cos - up_m * sin, depth_m * sin + up_m * cos
-
-
-def nearest_of_blocks(view: DepthView, block: int = 4) -> NDArray[np.bool_]:
-    """(H, W) mask of the nearest return of every `block` x `block` pixels: a thin cloud that keeps thin things."""
-    height, width = view.depth_m.shape
-    down, across = -(-height // block), -(-width // block)
-    # a depth and its place in the block as one whole number, so that the least of a block knows where it was: the bits
-    # of floats sort as the floats do, what is infinite or invalid last, and the place fits into the few least of them
-    infinite = np.float32(np.inf).view(np.uint32)
-    spare = np.uint32((1 << (block * block - 1).bit_length()) - 1)
-    keys = np.full((down * block, across * block), infinite)
-    bits = np.ascontiguousarray(view.depth_m, np.float32).view(np.uint32)
-    place = np.arange(block, dtype=np.uint32)[:, None] + block * (np.arange(width, dtype=np.uint32) % block)
-    np.bitwise_and(bits, ~spare, out=keys[:height, :width])
-    for i in range(block):
-        keys[i:height:block, :width] |= place[i]
-    rows = functools.reduce(np.minimum, [keys[i::block] for i in range(block)])
-    least = functools.reduce(np.minimum, [rows[:, j::block] for j in range(block)])
-    found = least < infinite
-    at = least & spare
-    mask = np.zeros((height, width), bool)
-    mask[
-        (np.arange(down)[:, None] * block + at % block)[found],
-        (np.arange(across) * block + at // block)[found],
-    ] = True
-    return mask
-
-
-def to_enu(points: Points, pose: Pose) -> Points:
-    """(N, 3) nose frame to ENU."""
-    forward = direction(pose.yaw, 0.0)
-    x, y, z = points[:, 0], points[:, 1], points[:, 2]
-    east = pose.x + x * forward[0] + y * forward[1]
-    north = pose.y + x * forward[1] - y * forward[0]
-    return np.stack((east, north, pose.z + z), axis=1).astype(np.float32)
 
 
 def move_pose(pose: Pose, bearing_right_deg: float, distance_m: float) -> Pose:

@@ -6,7 +6,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from navigation.camera import DepthView, Points, bearing_deg, nearby_cloud, planar_to_distance_m
+from navigation.camera import DepthView, bearing_deg, planar_to_distance_m
+from navigation.point_cloud import Points, nearby_cloud
 
 LABELS = ("a", "b", "c", "d", "e")
 Variant = Literal["corridor", "bare"]

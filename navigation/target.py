@@ -6,17 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import (
-    DepthView,
-    Place,
-    Points,
-    Pose,
-    cloud,
-    direction,
-    pixel_place,
-    to_enu,
-    wrap_radians,
-)
+from navigation.camera import DepthView, Place, Pose, direction, pixel_place, wrap_radians
+from navigation.point_cloud import Points, cloud, to_enu
 
 
 class Box(NamedTuple):

@@ -13,15 +13,12 @@ from contracts.events import (
     Event,
     FloorCountEvent,
     LookEvent,
-    MoveEvent,
-    PlacedEvent,
     SearchEvent,
     StandOffEvent,
     VerdictEvent,
 )
-from contracts.geometry import Point3, Pose
 from contracts.orchestrator import Delivery, DeliveryResult
-from mission.record import read_delivery, read_events
+from mission.record import read_delivery, read_events, track_of
 from mission.wording import counted
 from service_kit.lettering import draw_text, text_width, wrapped
 
@@ -201,15 +198,6 @@ def _inspected(
     ):
         cv2.rectangle(canvas, (x, 22), (x + 14, 36), colour, -1)
         draw_text(canvas, text, (x + 20, 35), 16, SOFT)
-
-
-def track_of(events: Sequence[Event]) -> list[Pose | Point3]:
-    """The poses and way points of a record, in the order flown."""
-    track: list[Pose | Point3] = [e.data.pose for e in events if isinstance(e, PlacedEvent)]
-    for event in events:
-        if isinstance(event, MoveEvent):
-            track += [*event.data.corners, event.data.to]
-    return track
 
 
 def _facts(canvas: Canvas, left: int, top: int, result: DeliveryResult, events: Sequence[Event]) -> None:

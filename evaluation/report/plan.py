@@ -12,7 +12,7 @@ from contracts.scene_layout import wall_height_m, window_slot
 from evaluation.metrics.taxonomy import SEARCHING, in_plain_view
 from evaluation.report.markup import Html, join, tag
 from evaluation.task_set.task import Task
-from orchestrator.summary import track_of
+from mission.record import track_of
 
 MARGIN_M = 9.0
 

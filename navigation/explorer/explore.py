@@ -7,13 +7,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView, Points, Pose, nearby_cloud, seen_aside_deg, wrap_radians
+from navigation.camera import DepthView, Pose, seen_aside_deg, wrap_radians
 from navigation.explorer import facade, frontier, path
 from navigation.explorer.facade import Seed
 from navigation.explorer.goal import Decision, Goal, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama, thinned
+from navigation.point_cloud import Points, nearby_cloud
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

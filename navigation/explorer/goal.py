@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navigation import safe_distance
-from navigation.camera import Points, Pose
+from navigation.camera import Pose
 from navigation.explorer import path
 from navigation.explorer.map import Cells, Map, cells_of, middles_of
 from navigation.explorer.parameters import ExplorerParameters
+from navigation.point_cloud import Points
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

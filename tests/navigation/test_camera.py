@@ -9,19 +9,16 @@ from navigation.camera import (
     DepthView,
     Pose,
     bearing_deg,
-    cloud,
     column_slopes,
     direction,
     move_pose,
-    nearby_cloud,
-    nearest_of_blocks,
     pinhole,
     pixel_place,
     planar_to_distance_m,
     row_slopes,
-    to_enu,
     wrap_radians,
 )
+from navigation.point_cloud import cloud, nearby_cloud, nearest_of_blocks, to_enu
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 
