@@ -34,13 +34,15 @@ def create_app(
     token: str | None = None,
     metrics: HttpMetrics | None = None,
     origins: Origins | None = None,
+    metrics_page: Callable[[], str] | None = None,
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
     """A FastAPI app with `/healthz`, `/readyz`, `/metrics`, bounded bodies and our error shape.
 
     `checks` are asked, each for at most 2 s, by `/readyz`, which also tells `about`: which parts were chosen here.
-    `notes` are asked and shown like `checks`, but what is wrong with them leaves the service ready.
-    `token` puts a bearer token in front of all but health. Web pages of `origins` may ask, besides the service's own.
+    `notes` are asked and shown like `checks`, but what is wrong with them leaves the service ready. `token` puts a
+    bearer token in front of all but health. Web pages of `origins` may ask, besides the service's own. `metrics_page`
+    makes the figures' page where it is not that of this process alone.
     """
     app = FastAPI(title=f"LogisticsVLN {service}", version=version("logisticsvln"), lifespan=lifespan)
     figures = metrics or HttpMetrics()
@@ -82,9 +84,10 @@ def create_app(
         return Health(status="ready", service=service, access=access, checks=states, about=dict(about or {}))
 
     @app.get("/metrics", tags=["health"], response_class=Response)
-    async def metrics_page() -> Response:
+    async def metrics_route() -> Response:
         """Prometheus' text format."""
-        return Response(generate_latest(figures.registry), media_type=CONTENT_TYPE_LATEST)
+        page = generate_latest(figures.registry) if metrics_page is None else metrics_page()
+        return Response(page, media_type=CONTENT_TYPE_LATEST)
 
     return app
 

@@ -6,7 +6,9 @@ import json
 import logging
 import os
 import signal
+import socket
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -20,6 +22,7 @@ from service_kit.connections import Connections
 from service_kit.http_limits import ConnectionLimits, OpenConnections, default_limits
 from service_kit.http_protocol import ServiceProtocol
 from service_kit.settings import BadSetting, ServiceSettings, process_environment
+from service_kit.workers import Supervisor, Worker, bound_socket
 
 PARENT_WATCH_S = 0.5
 
@@ -54,31 +57,95 @@ def set_up_logging(level: str) -> None:
 def main(service: str, kind: type[S], bootstrap: Callable[[S], ASGIApp]) -> None:
     """A service's process: its settings, its app, and serving until the end. Raises SystemExit with one line where the
     settings are wrong."""
+    settings = _settings(service, kind)
+    run(_built(service, lambda: bootstrap(settings)), settings)
+
+
+def main_in_workers(
+    service: str, kind: type[S], workers: Callable[[S], int], bootstrap: Callable[[S, Worker | None], ASGIApp]
+) -> None:
+    """As `main`; with more than one of `workers` the service is that many processes, and each builds its own app."""
+    settings = _settings(service, kind)
+    count = workers(settings)
+    if count == 1:
+        run(_built(service, lambda: bootstrap(settings, None)), settings)
+        return
+    try:
+        with bound_socket(settings.host, settings.port) as held:
+            _supervised(service, settings, count, bootstrap, held.getsockname()[1])
+    except OSError as error:
+        raise SystemExit(f"{service} can't start: {settings.host}:{settings.port}: {error.strerror}") from None
+
+
+def _supervised(
+    service: str, settings: S, count: int, bootstrap: Callable[[S, Worker | None], ASGIApp], port: int
+) -> None:
+    supervisor_pid = os.getpid()
+
+    def serve(worker: Worker) -> None:
+        with worker.alone():
+            app = _built(service, lambda: bootstrap(settings, worker))
+        mine = settings.model_copy(update={"parent_pid": supervisor_pid})
+        run(app, mine, bound_socket(settings.host, port), worker.started)
+
+    if settings.parent_pid:
+        threading.Thread(target=_end_with, args=(settings.parent_pid,), name="parent", daemon=True).start()
+    with tempfile.TemporaryDirectory(prefix=f"{service}-") as folder:
+        started = Supervisor(count, serve, folder).run()
+    if not started:
+        raise SystemExit(1)
+
+
+def _settings(service: str, kind: type[S]) -> S:
     environment = process_environment()
     try:
         settings = kind.read(environment)
-        set_up_logging(settings.log_level)
-        for sentence in kind.unknown(environment, Connections.names()):
-            log.warning(sentence)
-        app = bootstrap(settings)
     except BadSetting as error:
         raise SystemExit(f"{service} can't start: {error}") from None
-    run(app, settings)
+    set_up_logging(settings.log_level)
+    for sentence in kind.unknown(environment, Connections.names()):
+        log.warning(sentence)
+    return settings
 
 
-def run(app: ASGIApp, settings: ServiceSettings) -> None:
-    """Serve until SIGTERM or SIGINT; what is under way then has `drain_timeout_s` to end."""
+def _built(service: str, build: Callable[[], ASGIApp]) -> ASGIApp:
+    try:
+        return build()
+    except BadSetting as error:
+        raise SystemExit(f"{service} can't start: {error}") from None
+
+
+class _Server(uvicorn.Server):
+    """Tells when it serves."""
+
+    def __init__(self, config: uvicorn.Config, started: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._tell = started
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._tell()
+
+
+def run(
+    app: ASGIApp,
+    settings: ServiceSettings,
+    listener: socket.socket | None = None,
+    started: Callable[[], None] = lambda: None,
+) -> None:
+    """Serve until SIGTERM or SIGINT, at `listener` where it is given; what is under way then has `drain_timeout_s` to
+    end. `started` is called when it serves."""
     if settings.parent_pid:
         threading.Thread(target=_end_with, args=(settings.parent_pid,), name="parent", daemon=True).start()
     limits = connection_limits(settings)
-    server = uvicorn.Server(server_config(app, settings.host, settings.port, settings.drain_timeout_s, limits))
+    server = _Server(server_config(app, settings.host, settings.port, settings.drain_timeout_s, limits), started)
     # what is there by now stays: nobody needs to look through it again and again for what may be thrown away, and
     # what requests leave behind in circles can wait until there is more of it
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
     with contextlib.suppress(KeyboardInterrupt):
-        server.run()
+        server.run(sockets=[listener] if listener is not None else None)
 
 
 def connection_limits(settings: ServiceSettings) -> ConnectionLimits:

@@ -25,9 +25,20 @@ class Places(Protocol):
 
     def give_back(self) -> None: ...
 
+    @property
+    def waiting_elsewhere(self) -> int:
+        """How many wait for them in other processes."""
+        ...
+
+    def waits(self, count: int) -> None:
+        """So many wait for them in this one."""
+        ...
+
 
 class OwnPlaces:
     """Those of a model that only this process asks."""
+
+    waiting_elsewhere = 0
 
     def __init__(self, concurrency: int) -> None:
         self._concurrency = concurrency
@@ -41,6 +52,9 @@ class OwnPlaces:
 
     def give_back(self) -> None:
         self.taken -= 1
+
+    def waits(self, count: int) -> None:
+        pass
 
 
 class Admission:
@@ -81,11 +95,13 @@ class Admission:
 
     async def _queue_up(self) -> None:
         caller = asking.get().name
-        if self._waiting >= self._queue:
+        if self._waiting + self._places.waiting_elsewhere >= self._queue:
             self._make_room(caller)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._lines.setdefault(caller, deque()).append(turn)
         self._waiting += 1
+        self._places.waits(self._waiting)
+        self.serve()  # a place may have been given back elsewhere before anybody knew that one is wanted here
         try:
             await turn
         except asyncio.CancelledError:
@@ -149,5 +165,6 @@ class Admission:
             return  # whoever left meanwhile has been passed over
         line.remove(turn)
         self._waiting -= 1
+        self._places.waits(self._waiting)
         if not line:
             del self._lines[caller]

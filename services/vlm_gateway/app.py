@@ -4,11 +4,14 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
+from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import Response
+from prometheus_client import generate_latest
 from prometheus_client.core import Metric
 from starlette.types import Receive
 
@@ -23,7 +26,9 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion, NotFound, ServiceError, error_response
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
+from service_kit.metrics_pages import MetricsPages
 from service_kit.requests import Origins
+from service_kit.workers import Worker
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.oracle import asked_vehicle
 from services.vlm_gateway.chat.backend import ChatBackend
@@ -38,12 +43,15 @@ from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.questions import Kind
 from services.vlm_gateway.reloading import Reloader
+from services.vlm_gateway.shared_limits import Bell
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.report import report
 
 FORMER_VEHICLE_FIELD = "oracle_episode"
 
 T = TypeVar("T")
+SHARED_GAUGES = frozenset({"vlm_gateway_running", "vlm_gateway_breaker_open"})
+"""Figures that are the same in every worker, or of which the worst is shown."""
 
 
 def build_app(
@@ -55,6 +63,7 @@ def build_app(
     limits: ChatLimits = NO_LIMITS_SET,
     origins: Origins | None = None,
     reloader: Reloader | None = None,
+    worker: Worker | None = None,
 ) -> Frontend:
     """The service over a wired `gateway`: the framework's app behind the frontend for chats. Its cache is started and
     everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
@@ -78,11 +87,16 @@ def build_app(
             await cache.start()
         if reloader is not None:
             reloader.start()
+        if worker is not None and pages_of_all is not None:
+            pages_of_all.start()
+            Bell(worker, lambda: _serve(chat_targets(gateway.backends))).start()
         try:
             yield
         finally:
             if reloader is not None:
                 await reloader.close()
+            if pages_of_all is not None:
+                await pages_of_all.close()
             for backend in gateway.backends.values():
                 await backend.close()
             log.flush()
@@ -90,6 +104,10 @@ def build_app(
             if cache is not None:
                 await cache.close()
 
+    pages_of_all = None
+    if worker is not None:
+        own = partial(_page, metrics)
+        pages_of_all = MetricsPages(Path(worker.folder), worker.number, own, SHARED_GAUGES)
     notes = {"cache": cache.problem} if cache is not None and cache.mode == "on" else {}
     checks = {"cache": cache.problem} if cache is not None and cache.mode == "replay" else {}
     app = create_app(
@@ -99,6 +117,7 @@ def build_app(
         notes=notes,
         metrics=metrics,
         origins=pages,
+        metrics_page=pages_of_all.merged if pages_of_all is not None else None,
         lifespan=lifespan,
     )
     app.router.route_class = JsonRoute
@@ -165,7 +184,9 @@ def build_app(
             alias: {"backend": backend.kind, "model": backend.model, **backend.status()}
             for alias, backend in sorted(gateway.backends.items())
         }
-        configured = {"configuration": reloader.status()} if reloader is not None else {}
+        configured: dict[str, object] = {"configuration": reloader.status()} if reloader is not None else {}
+        if worker is not None:
+            configured["worker"] = {"number": worker.number, "of": worker.count}
         cached: dict[str, object] = {"mode": "off"}
         if cache is not None:
             cached = {"mode": cache.mode, "place": cache.place, "state": cache.state}
@@ -235,6 +256,16 @@ async def gone(receive: Receive) -> None:
     """Returns when the client has left. To be asked once the request's body was read."""
     while (await receive())["type"] != "http.disconnect":
         pass
+
+
+def _page(metrics: HttpMetrics) -> str:
+    return generate_latest(metrics.registry).decode()
+
+
+def _serve(upstreams: Mapping[str, Upstream]) -> None:
+    """Another worker has given a place back."""
+    for upstream in upstreams.values():
+        upstream.admission.serve()
 
 
 def chat_targets(backends: Mapping[str, Backend]) -> dict[str, Upstream]:

@@ -10,6 +10,7 @@ from contracts.vlm_gateway import Role
 from service_kit.metrics import HttpMetrics
 from service_kit.requests import Origins
 from service_kit.settings import BadSetting, revealed
+from service_kit.workers import Worker
 from services.vlm_gateway.app import build_app, chat_targets
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.extension import ExtensionModelConfig, build_extension
@@ -37,6 +38,7 @@ from services.vlm_gateway.question_extensions import extension_questions
 from services.vlm_gateway.questions import KINDS
 from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.settings import GatewaySettings
+from services.vlm_gateway.shared_limits import SharedPlaces
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.accounts import Accounts, Price
 from services.vlm_gateway.usage.ledger import Ledger
@@ -55,12 +57,12 @@ class Configured(NamedTuple):
     limits: ChatLimits
 
 
-def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend:
-    """`environment` holds the keys that the configuration names by their variables. Raises BadSetting, naming what is
-    wrong and what would be right."""
+def build(settings: GatewaySettings, worker: Worker | None = None, *, environment: Mapping[str, str]) -> Frontend:
+    """`environment` holds the keys that the configuration names by their variables; `worker` says which one of several
+    processes this is. Raises BadSetting, naming what is wrong and what would be right."""
     http = HttpMetrics()
     figures = GatewayMetrics(http.registry)
-    now = configured(settings, environment, figures)
+    now = configured(settings, environment, figures, worker)
     cache = _guarded_cache(settings, figures)
     accounts = Accounts(Ledger(usage_store_of(settings), figures.usage_failed), now.prices, figures)
     gateway = Gateway(now.backends, now.roles, cache, figures, accounts, (*KINDS, *extension_questions()))
@@ -68,7 +70,7 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
 
     def reload() -> list[Backend]:
         nonlocal now
-        new = configured(settings, environment, figures, now)
+        new = configured(settings, environment, figures, worker, now)
         gateway.adopt(new.backends, new.roles)
         accounts.adopt(new.prices)
         frontend.keys.adopt(new.keys)
@@ -90,6 +92,7 @@ def build(settings: GatewaySettings, environment: Mapping[str, str]) -> Frontend
         origins=origins,
         limits=now.limits,
         reloader=Reloader(reload, files) if settings.gateway_config is not None else None,
+        worker=worker,
     )
     return frontend
 
@@ -98,6 +101,7 @@ def configured(
     settings: GatewaySettings,
     environment: Mapping[str, str],
     figures: GatewayMetrics,
+    worker: Worker | None = None,
     before: Configured | None = None,
 ) -> Configured:
     """What the file says now; a back end whose table and key are as `before` is the one from before. Raises
@@ -115,9 +119,11 @@ def configured(
     for alias, (model, key) in sources.items():
         same = before is not None and before.sources.get(alias) == (model, key)
         backends[alias] = (
-            before.backends[alias] if before is not None and same else _backend(alias, model, key, figures, sim, where)
+            before.backends[alias]
+            if before is not None and same
+            else _backend(alias, model, key, figures, sim, where, worker)
         )
-    keys = Keys(config.keys, revealed(settings.gateway_token), config.teams)
+    keys = Keys(config.keys, revealed(settings.gateway_token), config.teams, worker)
     return Configured(backends, sources, dict(config.roles), keys, _prices(config.models), config.limits)
 
 
@@ -148,10 +154,19 @@ class Sim(NamedTuple):
     token: str | None
 
 
-def _backend(alias: str, model: ModelConfig, key: str | None, figures: GatewayMetrics, sim: Sim, where: str) -> Backend:
+def _backend(
+    alias: str,
+    model: ModelConfig,
+    key: str | None,
+    figures: GatewayMetrics,
+    sim: Sim,
+    where: str,
+    worker: Worker | None,
+) -> Backend:
     if isinstance(model, ChatModelConfig):
         chat = chat_model(alias, model, where)
-        return ChatBackend(chat, Upstream(chat, key, partial(figures.retried, alias)))
+        places = None if worker is None else SharedPlaces(worker, f"model {alias}", model.concurrency)
+        return ChatBackend(chat, Upstream(chat, key, partial(figures.retried, alias), places))
     if isinstance(model, EmbeddedModelConfig):
         return LazyBackend(alias, "embedded", partial(_embedded, alias, model))
     if isinstance(model, OracleModelConfig):

@@ -2,7 +2,8 @@
 
     python -m services.vlm_gateway.keys NAME     makes a key, and prints it with the lines for the configuration
 
-Rates (by minute) and places count in this process; budgets by day and month are the package `usage`'s.
+Rates (by minute) and places count in this process, or over all workers of it; budgets by day and month are the package
+`usage`'s.
 """
 
 import contextvars
@@ -16,7 +17,9 @@ from typing import NamedTuple
 
 from contracts.base import Wire
 from service_kit.errors import ServiceError
+from service_kit.workers import Worker
 from services.vlm_gateway.config import KeyConfig
+from services.vlm_gateway.shared_limits import SharedBucket, SharedPlaces
 from services.vlm_gateway.usage.budgets import BudgetConfig, OverBudget, Spender
 
 _PREFIX = "sk-lvln-"
@@ -36,7 +39,7 @@ class Forbidden(ServiceError):
     code = "forbidden"
 
 
-class _Bucket:
+class Bucket:
     """Fills steadily up to a minute's worth; may be overdrawn."""
 
     def __init__(self, per_minute: int, now: float) -> None:
@@ -44,6 +47,10 @@ class _Bucket:
         self.size = float(per_minute)
         self.level = self.size
         self._at = now
+
+    def add(self, amount: float) -> None:
+        """Negative where it is spent."""
+        self.level += amount
 
     def fill(self, now: float) -> float:
         self.level = min(self.size, self.level + (now - self._at) * self._per_s)
@@ -65,6 +72,7 @@ class Key:
         config: KeyConfig | None,
         team: BudgetConfig | None = None,
         clock: Callable[[], float] = time.time,
+        worker: Worker | None = None,
     ) -> None:
         self.name = name
         self.tenant = (config.tenant or name) if config else ""
@@ -78,8 +86,10 @@ class Key:
         self._held = 0
         now = clock()
         requests, tokens = (config.requests_per_minute, config.tokens_per_minute) if config else (None, None)
-        self._requests = _Bucket(requests, now) if requests else None
-        self._tokens = _Bucket(tokens, now) if tokens else None
+        self._requests = _bucket(worker, f"key {name} requests {requests}", requests, now) if requests else None
+        self._tokens = _bucket(worker, f"key {name} tokens {tokens}", tokens, now) if tokens else None
+        places = config.concurrency if config else None
+        self._places = SharedPlaces(worker, f"key {name} places", places) if worker is not None and places else None
 
     def enter(self) -> None:
         """Raises OverBudget, with the time to wait."""
@@ -90,6 +100,8 @@ class Key:
 
     def leave(self) -> None:
         self.running -= 1
+        if self._places is not None:
+            self._places.give_back()
 
     def hold(self, tokens: int) -> None:
         """Room for so many in this minute's tokens. Raises OverBudget, with the time to wait; a call that is larger
@@ -103,28 +115,36 @@ class Key:
                 )
                 wait_s = self._tokens.wait_s(max(0.0, min(tokens, self._tokens.size)))
                 raise OverBudget(what, code="tokens_spent", wait_s=wait_s, key=self.name)
-            self._tokens.level -= tokens
+            self._tokens.add(-tokens)
         self._held += tokens
 
     def settle(self, held: int, used: int) -> None:
         """A call that held so many has used so many."""
         self._held -= held
         if self._tokens is not None:
-            self._tokens.level += held - used
+            self._tokens.add(held - used)
 
     def may_ask(self, alias: str) -> bool:
         return self.models is None or alias in self.models
 
     def _check(self, config: KeyConfig) -> None:
         now = self._clock()
-        if config.concurrency is not None and self.running >= config.concurrency:
-            what = f"this key has {self.running} requests under way, which is all it may have at a time"
+        full = self.running >= config.concurrency if config.concurrency is not None else False
+        if not self._places.take() if self._places is not None else full:
+            what = f"this key has {config.concurrency} requests under way, which is all it may have at a time"
             raise OverBudget(what, code="too_many_at_once", wait_s=1.0, key=self.name)
         if self._requests is not None:
             if self._requests.fill(now) < 1.0:
+                if self._places is not None:
+                    self._places.give_back()
                 what = f"this key has made its {config.requests_per_minute} requests a minute"
                 raise OverBudget(what, code="rate_limited", wait_s=self._requests.wait_s(1.0), key=self.name)
-            self._requests.level -= 1.0
+            self._requests.add(-1.0)
+
+
+def _bucket(worker: Worker | None, name: str, per_minute: int, now: float) -> Bucket | SharedBucket:
+    """One for all workers, where there are several."""
+    return Bucket(per_minute, now) if worker is None else SharedBucket(worker, name, per_minute, now)
 
 
 def _spender(name: str, config: KeyConfig | None, team: BudgetConfig | None) -> Spender:
@@ -158,10 +178,11 @@ class Keys:
         configured: Mapping[str, KeyConfig],
         token: str | None = None,
         teams: Mapping[str, BudgetConfig] | None = None,
+        worker: Worker | None = None,
     ) -> None:
         self.teams = dict(teams or {})
         hashed = [
-            _Hashed(bytes.fromhex(config.sha256), Key(name, config, self.teams.get(config.team or "")))
+            _Hashed(bytes.fromhex(config.sha256), Key(name, config, self.teams.get(config.team or ""), worker=worker))
             for name, config in configured.items()
         ]
         if token is not None:

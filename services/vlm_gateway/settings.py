@@ -40,6 +40,9 @@ class GatewaySettings(CacheSettings, ServiceSettings):
     drain_timeout_s: int = Field(
         25, ge=0, le=86_400, description="Seconds that requests under way have to end after SIGTERM."
     )
+    workers: int = Field(
+        1, ge=1, le=32, description="Processes that share the port, the places of models and the limits of keys."
+    )
     cors_origins: str = Field(
         "", description="Web pages that may ask, comma-separated, such as https://ground.example; `*`: all."
     )

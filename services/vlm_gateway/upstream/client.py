@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from pydantic_core import to_json
 
 from contracts.vlm_gateway import Tokens
-from services.vlm_gateway.admission import Admission
+from services.vlm_gateway.admission import Admission, Places
 from services.vlm_gateway.breaker import State
 from services.vlm_gateway.config import ChatModel
 from services.vlm_gateway.errors import ModelError, ModelOverloaded, ModelRejected, ModelTimeout, ModelUnreachable
@@ -60,16 +60,19 @@ class Completion(NamedTuple):
 
 
 class Upstream:
-    """`retried` is told of every retry. Use `close` when done."""
+    """`retried` is told of every retry; `places` are those of all workers, where there are several. Use `close` when
+    done."""
 
-    def __init__(self, model: ChatModel, key: str | None, retried: Callable[[str], None]) -> None:
+    def __init__(
+        self, model: ChatModel, key: str | None, retried: Callable[[str], None], places: Places | None = None
+    ) -> None:
         self.alias = model.alias
         self.model = model
         self.provider = model.config.server
         self.accepts = accepted(model, to_json(model.config.model))
         self.fallbacks = model.config.fallbacks
         self.fallback_after = frozenset(model.config.fallback_after)
-        self.admission = Admission(model.alias, model.config.concurrency, model.config.queue)
+        self.admission = Admission(model.alias, model.config.concurrency, model.config.queue, places)
         self.endpoints = tuple(Endpoint(server, model, key) for server in model.servers)
         self.choice = EndpointChoice(self.endpoints, affinity=model.config.affinity)
         watched = self.endpoints if len(self.endpoints) > 1 else ()
