@@ -96,11 +96,12 @@ def _panels(events: Sequence[Event]) -> list[Panel]:
 
 
 def _closer(picture: Canvas, middle: tuple[float, float]) -> Canvas:
-    """The half of the picture, each way, about a place."""
+    """A square about a place, half as wide as the picture's shorter side."""
     height, width = picture.shape[:2]
-    left = min(max(round(middle[0] * width) - width // 4, 0), width - width // 2)
-    top = min(max(round(middle[1] * height) - height // 4, 0), height - height // 2)
-    return picture[top : top + height // 2, left : left + width // 2]
+    side = min(height, width) // 2
+    left = min(max(round(middle[0] * width) - side // 2, 0), width - side)
+    top = min(max(round(middle[1] * height) - side // 2, 0), height - side)
+    return picture[top : top + side, left : left + side]
 
 
 def _view(events: Iterable[Event]) -> str | None:
@@ -139,7 +140,11 @@ def _panel(canvas: Canvas, left: int, top: int, title: str, picture: Canvas | No
         cv2.rectangle(canvas, (left, top), (left + PANEL, top + PANEL), LINE, 2)
         draw_text(canvas, "not reached", (left + PANEL // 2 - 70, top + PANEL // 2), 21, SOFT)
         return
-    canvas[top : top + PANEL, left : left + PANEL] = cv2.resize(picture, (PANEL, PANEL), interpolation=cv2.INTER_AREA)
+    scale = PANEL / max(picture.shape[:2])
+    height, width = (max(1, round(side * scale)) for side in picture.shape[:2])
+    canvas[top : top + PANEL, left : left + PANEL] = LINE
+    top, left = top + (PANEL - height) // 2, left + (PANEL - width) // 2
+    canvas[top : top + height, left : left + width] = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
 
 
 def _plan(canvas: Canvas, events: Sequence[Event]) -> None:
