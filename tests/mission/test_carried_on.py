@@ -2,13 +2,14 @@
 
 import itertools
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import get_args
 
 import pytest
 from pydantic import ValidationError
 
+from contracts.cameras import shipped_rig
 from contracts.event_data import EventData
 from contracts.geometry import Point3
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName, Phase
@@ -20,7 +21,7 @@ from mission.policies import completed, policy_of
 from mission.record import Pictures
 from mission.state import MissionState, begin
 from mission.step import MissionContext
-from tests.mission.block import Block, block_scene
+from tests.mission.block import SIZE, Block, block_scene
 from tests.mission.block_vehicle import BlockWorld
 from tests.mission.box_world import RIG, block_placement, block_ports
 from tests.mission.test_mission import BEHIND, REQUEST
@@ -181,3 +182,26 @@ async def test_in_a_scene_without_a_goal_nothing_says_delivered_unmarked() -> No
     assert result.outcome == "delivered_not_judged"
     assert "names no goal" in result.message
     assert log.told[-1] == ("claim", result.message)
+
+
+async def test_a_look_that_needs_turns_is_carried_on_between_them() -> None:
+    settings, rig = completed(MissionSettings()), shipped_rig("front-wide").scaled_to(SIZE)
+
+    def context(world: BlockWorld, log: Numbered) -> MissionContext:
+        placement = replace(block_placement(world), rig=rig)
+        return MissionContext(block_ports(world), placement, settings, policy_of(settings.viewpoint), log)
+
+    whole_world, told = BlockWorld(BEHIND), Numbered()
+    at_once = context(whole_world, told)
+    whole = await Mission(at_once.ports, at_once.placement, settings, told).fly(REQUEST, key="m")
+    assert whole.outcome == "delivered"
+    world, log, state, turning = BlockWorld(BEHIND), Numbered(), begin(REQUEST, "m"), 0
+    while not state.over:
+        written = state.model_dump_json()
+        await advance(MissionState.model_validate_json(written), context(world, log))
+        before, state = state, await advance(MissionState.model_validate_json(written), context(world, log))
+        assert (before.stage.at, state.stage.at) in edges()
+        turning += state.looking is not None
+    assert without_clocks(result_of(state, context(world, log))) == without_clocks(whole)
+    assert log.told == told.told
+    assert turning > 0
