@@ -30,7 +30,7 @@ CHAT = '[models.m]\nbackend = "chat"\nmodel = "x"\npreset = "gpt-4o"\n'
 
 def started(environment: dict[str, str]) -> None:
     """As the process does it. Raises BadSetting."""
-    build(GatewaySettings.read(environment), environment)
+    build(GatewaySettings.read(environment), environment=environment)
 
 
 def write(folder: Path, text: str) -> Path:
