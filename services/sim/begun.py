@@ -39,11 +39,11 @@ class BegunEpisodes:
         begun.waiting += 1
         try:
             episode_id = await asyncio.shield(begun.task)
+            gone = await left()
+            begun.taken = begun.taken or not gone
         finally:
-            begun.waiting -= 1
-        if not await left():
-            begun.taken = True
-        elif not begun.taken and begun.waiting == 0:
+            begun.waiting -= 1  # only now: while one caller is asked whether he left, another may have come
+        if gone and not begun.taken and begun.waiting == 0:
             self.forget(episode_id)
             await self._end(episode_id)
             raise NotFound("the caller left before its episode was begun", code="no_such_episode")
