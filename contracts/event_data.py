@@ -9,7 +9,7 @@ from contracts.cameras import Camera, default_rig
 from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreDrawing, PlanPoint, ViewpointAnswer
 from contracts.geometry import Point2, Point3, PointLabel, Pose
 from contracts.llm_parser import ParseAnswer
-from contracts.orchestrator import DeliveryResult
+from contracts.orchestrator import DeliveryResult, OpenQuestion
 from contracts.sim import Verdict
 from contracts.vlm_gateway import BuildingBoxAnswer, ChooseDirectionAnswer, FindObjectAnswer, FloorCountAnswer, Match
 
@@ -30,6 +30,13 @@ class ParsedData(Wire):
     request: str
     answer: ParseAnswer
     seconds: Seconds
+
+
+class AnswerData(Wire):
+    """What the customer says to a question of the mission."""
+
+    question: str
+    text: str
 
 
 class PlacedData(Wire):
@@ -235,6 +242,8 @@ class LostData(Wire):
 EventData: TypeAlias = (
     NoData
     | ParsedData
+    | OpenQuestion
+    | AnswerData
     | PlacedData
     | StandOffData
     | FloorCountData

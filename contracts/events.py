@@ -17,6 +17,7 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 from contracts.base import Wire
 from contracts.cameras import default_rig
 from contracts.event_data import (
+    AnswerData,
     ApproachData,
     BuildingBoxData,
     DirectionData,
@@ -33,7 +34,7 @@ from contracts.event_data import (
     StandOffData,
     TurnData,
 )
-from contracts.orchestrator import DeliveryResult, Phase
+from contracts.orchestrator import DeliveryResult, OpenQuestion, Phase
 from contracts.sim import Verdict
 
 
@@ -70,6 +71,18 @@ class PhaseEvent(MissionEvent):
 class ParsedEvent(MissionEvent):
     kind: Literal["parsed"] = "parsed"
     data: ParsedData
+
+
+class QuestionEvent(MissionEvent):
+    """The customer is asked; nothing goes on before the answer, or the end of the waiting."""
+
+    kind: Literal["question"] = "question"
+    data: OpenQuestion
+
+
+class AnswerEvent(MissionEvent):
+    kind: Literal["answer"] = "answer"
+    data: AnswerData
 
 
 class PlacedEvent(MissionEvent):
@@ -148,6 +161,8 @@ class UnknownEvent(RecordedEvent):
 KnownEvent: TypeAlias = (
     PhaseEvent
     | ParsedEvent
+    | QuestionEvent
+    | AnswerEvent
     | PlacedEvent
     | StandOffEvent
     | FloorCountEvent

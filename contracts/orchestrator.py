@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Field, JsonValue, model_validator
+from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValue, model_validator
 
 from contracts.base import Metres, Name, Unit, Wire
 from contracts.cameras import Rig, default_rig, flyable, shipped_rig
@@ -30,6 +30,7 @@ OutcomeName = Literal[
     "failed",
 ]
 Phase = Literal["parse", "place", "floors", "explore", "approach", "claim", "done"]
+QuestionTopic = Literal["request", "unknown_object"]
 Positive = Annotated[float, Field(gt=0.0, le=1_000.0)]
 MAX_LATENCIES = 1000
 
@@ -72,7 +73,8 @@ def _rig_by_name(given: object) -> object:
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role.
     `rig`: the cameras of a simulated drone, as a document or by a shipped rig's name; `image_size`: the longer side of
-    every camera's pictures in pixels, null as the rig says."""
+    every camera's pictures in pixels, null as the rig says. `ground_floor`: how a plain "first floor" counts, as in
+    `ParseQuestion`; null as the parser is set up."""
 
     floors: Literal["stepwise", "direct-count"] = "stepwise"
     band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
@@ -82,6 +84,7 @@ class MissionSettings(Wire):
     flight: Flight = Flight()
     parser_model: Name | None = None
     vision_model: Name | None = None
+    ground_floor: Literal[0, 1] | None = None
     max_exploration_steps: int = Field(default=30, ge=1, le=200)
     max_bands: int = Field(default=12, ge=1, le=50)
     take_off_height_m: Metres = 1.5
@@ -118,13 +121,30 @@ class MissionSettings(Wire):
 
 class DeliveryQuestion(Wire):
     """Bring it there: `request` in the customer's words, in `scene` or at a shipped `sample` (whose own request is
-    used if none is given)."""
+    used if none is given). `answer_within_s`: how long the customer's answer to a question is waited for; null: as the
+    deployment is set up; 0: nobody is asked."""
 
     request: str | None = Field(default=None, min_length=1, max_length=4000)
     scene: Scene | None = None
     sample: Name | None = None
     backend: Name | None = None
+    answer_within_s: float | None = Field(default=None, ge=0.0, le=86_400.0)
     settings: MissionSettings = MissionSettings()
+
+
+class OpenQuestion(Wire):
+    """What the customer is asked before a delivery goes on: about the `request`, which leaves something open, or for
+    something else at the window than an `unknown_object`. Without an answer `answer_by` the delivery ends."""
+
+    topic: QuestionTopic
+    text: str = Field(min_length=1, max_length=500)
+    answer_by: AwareDatetime
+
+
+class CustomerAnswer(Wire):
+    """What the customer says to the question of a delivery."""
+
+    text: str = Field(min_length=1, max_length=1000, pattern=r"\S")
 
 
 class ModelCalls(Wire):
@@ -176,15 +196,17 @@ class DeliveryResult(Wire):
 
 
 class Delivery(Wire):
-    """One delivery as it stands. `result` is null until `status` is `done`."""
+    """One delivery as it stands. `result` is null until `status` is `done`; `question` is what the customer is asked
+    while it is `needs_answer`."""
 
     id: Name
-    status: Literal["waiting", "flying", "done"]
+    status: Literal["waiting", "flying", "needs_answer", "done"]
     phase: Phase
     request: str
     scene: str
     created: str
     folder: str | None
+    question: OpenQuestion | None = None
     result: DeliveryResult | None = None
 
 

@@ -4,6 +4,7 @@ import time
 from typing import assert_never
 
 from mission.stage_actions.approaching import check_candidate, close_in, face_candidate
+from mission.stage_actions.asking import wait_for_answer
 from mission.stage_actions.beginning import place_drone, preflight, read_request
 from mission.stage_actions.claiming import claim_window
 from mission.stage_actions.climbing import check_climb, climb
@@ -27,6 +28,7 @@ from mission.stages import (
     LeaveBlocked,
     LookRound,
     MeasureStandOff,
+    NeedsAnswer,
     PlaceDrone,
     Preflight,
     ReadRequest,
@@ -66,6 +68,8 @@ async def _act(step: Step, stage: Stage) -> Stage:
     match stage:
         case ReadRequest():
             return await read_request(step)
+        case NeedsAnswer():
+            return await wait_for_answer(step, stage)
         case Preflight():
             return await preflight(step)
         case PlaceDrone():

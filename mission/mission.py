@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from mission.advance import run
+from mission.customer import Customer
 from mission.placement import Placement
 from mission.policies import completed, policy_of
 from mission.ports import ModelUnreachable, PortError, Ports, ServiceUnreachable
@@ -32,11 +33,19 @@ class Mission:
     """Flies one delivery. Whatever happens, `fly` returns a result and gives the drone back."""
 
     def __init__(
-        self, ports: Ports, placement: Placement, settings: MissionSettings, events: Log, *, keep: Keep | None = None
+        self,
+        ports: Ports,
+        placement: Placement,
+        settings: MissionSettings,
+        events: Log,
+        *,
+        customer: Customer | None = None,
+        keep: Keep | None = None,
     ) -> None:
-        """Raises BadSearch for a search policy that there is not, or settings that it has not got."""
+        """Without a `customer` nobody is asked: a request that leaves something open ends the mission. Raises BadSearch
+        for a search policy that there is not, or settings that it has not got."""
         settings = completed(settings)
-        self._context = MissionContext(ports, placement, settings, policy_of(settings.viewpoint), events)
+        self._context = MissionContext(ports, placement, settings, policy_of(settings.viewpoint), events, customer)
         self._keep = keep
 
     async def fly(self, request: str, key: str | None = None) -> DeliveryResult:

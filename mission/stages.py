@@ -9,7 +9,7 @@ from pydantic import Field
 
 from contracts.base import Metres, Unit, Wire
 from contracts.geometry import Point3, Pose
-from contracts.orchestrator import OutcomeName
+from contracts.orchestrator import OpenQuestion, OutcomeName
 from navigation.floor_localization import Band, WindowRows
 
 
@@ -50,6 +50,22 @@ class ReadRequest(Wire):
     """Ask the parser for floor and object."""
 
     at: Literal["read_request"] = "read_request"
+
+
+class Ended(Wire):
+    """The mission is over: its outcome, and why, for a person."""
+
+    at: Literal["ended"] = "ended"
+    outcome: OutcomeName
+    message: str
+
+
+class NeedsAnswer(Wire):
+    """Wait for what the customer says to the question; without an answer the mission is `unanswered`."""
+
+    at: Literal["needs_answer"] = "needs_answer"
+    question: OpenQuestion
+    unanswered: Ended
 
 
 class Preflight(Wire):
@@ -208,16 +224,9 @@ class ClaimWindow(Wire):
     place: Point3
 
 
-class Ended(Wire):
-    """The mission is over: its outcome, and why, for a person."""
-
-    at: Literal["ended"] = "ended"
-    outcome: OutcomeName
-    message: str
-
-
 Stage = Annotated[
     ReadRequest
+    | NeedsAnswer
     | Preflight
     | PlaceDrone
     | MeasureStandOff

@@ -11,6 +11,7 @@ from pydantic import JsonValue
 
 from contracts.base import Name, Radians, Unit, Wire
 from contracts.geometry import Box, Point3, Pose
+from contracts.llm_parser import Exchange
 from contracts.orchestrator import ModelCalls, Phase, Stop
 from contracts.sim import Verdict
 from contracts.vehicle import Move, Observation, VehicleState
@@ -53,6 +54,7 @@ class LookUnderWay(Wire):
 class MissionState(Wire):
     """All that a mission knows between two stops. `key` names the delivery: a trial is begun with it, once.
 
+    `exchanges` are the questions that were put to the customer, with the answers.
     `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
     flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
     flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
@@ -63,6 +65,7 @@ class MissionState(Wire):
     version: Literal[1] = 1
     key: Name
     request: str
+    exchanges: tuple[Exchange, ...] = ()
     stage: Stage = ReadRequest()
     phase: Phase = "parse"
     floor: int | None = None

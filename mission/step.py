@@ -15,6 +15,7 @@ from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import MissionSettings, ModelCalls, OutcomeName, Phase, Stop
 from contracts.vehicle import Move, MoveResult, Observation, VehicleCapabilities, VehicleState
 from contracts.vlm_gateway import Answer, Role
+from mission.customer import Customer
 from mission.looks import Look, Sight, look_of, navigation_camera
 from mission.model_calls import Reply, ask
 from mission.placement import Placement
@@ -76,13 +77,15 @@ class Drone:
 @dataclass(frozen=True)
 class MissionContext:
     """What a mission is flown with: the services, where the drone comes from, every setting, the log. None of it is
-    part of the state; whoever carries a mission on brings its own. `drone` is null before it has been looked up."""
+    part of the state; whoever carries a mission on brings its own. `customer` is null where nobody can be asked,
+    `drone` before it has been looked up."""
 
     ports: Ports
     placement: Placement
     settings: MissionSettings
     policy: AnyPolicy
     log: Log
+    customer: Customer | None = None
     drone: Drone | None = None
 
     async def with_drone(self, state: MissionState) -> "MissionContext":

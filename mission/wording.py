@@ -9,6 +9,11 @@ def counted(n: int, one: str, many: str | None = None) -> str:
     return f"{n} {one if n == 1 else many or one + 's'}"
 
 
+def spoken_duration(seconds: float) -> str:
+    """`10 minutes`, `45 seconds`."""
+    return counted(round(seconds / 60), "minute") if seconds >= 60.0 else counted(round(seconds), "second")
+
+
 def with_article(thing: str) -> str:
     """`a cake`, `an orange stool`; by the first letters, which is right for all but a few words. A thing that comes
     with its article keeps it."""

@@ -10,7 +10,7 @@ from fastapi import FastAPI, Header, Response
 from fastapi.responses import FileResponse, HTMLResponse
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
-from contracts.orchestrator import Delivery, DeliveryList, DeliveryQuestion
+from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
 from orchestrator import sample_library
 from orchestrator.deliveries import Deliveries
 from service_kit.app import Check, create_app
@@ -70,6 +70,12 @@ def build_app(
     async def cancel_delivery(delivery_id: str) -> Delivery:
         """Cancels a delivery under way; the answer comes when its record is complete."""
         return await deliveries.cancel(delivery_id)
+
+    @app.post("/v1/deliveries/{delivery_id}/answer", tags=["deliveries"])
+    async def post_answer(delivery_id: str, answer: CustomerAnswer) -> Delivery:
+        """The customer's answer to the question of a delivery that is `needs_answer`; the delivery goes on. 409 where
+        nothing is asked."""
+        return await deliveries.answer(delivery_id, answer.text)
 
     @app.get("/v1/deliveries/{delivery_id}/events", tags=["deliveries"], response_class=EventSourceResponse)
     async def get_events(

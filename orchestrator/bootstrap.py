@@ -12,6 +12,12 @@ from service_kit.settings import revealed
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     """The app as the settings want it."""
     services = Services(settings.addresses, settings.tokens)
-    deliveries = Deliveries(services.simulated, settings.runs_dir, max_live=settings.max_live_deliveries)
+    deliveries = Deliveries(
+        services.simulated,
+        settings.runs_dir,
+        max_live=settings.max_live_deliveries,
+        max_waiting=settings.max_waiting_deliveries,
+        patience_s=settings.answer_within_s,
+    )
     checks = {client.service: client.usable for client in services.all}
     return build_app(deliveries, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)

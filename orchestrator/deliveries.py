@@ -6,14 +6,16 @@ import logging
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
-from contracts.events import Event
+from contracts.events import Event, PlacedEvent
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
 from contracts.vlm_gateway import PreflightQuestion
 from mission.clients import Simulated
+from mission.customer import DEFAULT_PATIENCE_S
 from mission.ports import PortError, ServiceRefused, UnknownModel
 from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
 from orchestrator.delivery import BadDelivery, Order, Run
-from service_kit.errors import BadQuestion, NotFound, TooMany, Unavailable
+from orchestrator.mailbox import Mailbox
+from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, Unavailable
 
 log = logging.getLogger("orchestrator.deliveries")
 
@@ -23,10 +25,12 @@ FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"
 
 
 class LiveDelivery:
-    """One delivery under way: its events so far. `changed` is set, and replaced, whenever something is new."""
+    """One delivery under way: its events so far, and its customer. `changed` is set, and replaced, whenever something
+    is new."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Run, mailbox: Mailbox) -> None:
         self.run = run
+        self.mailbox = mailbox
         self.events: list[Event] = []
         self.result: DeliveryResult | None = None
         self.task: asyncio.Task[None] | None = None
@@ -45,25 +49,43 @@ class LiveDelivery:
     def over(self) -> bool:
         return self.task is not None and self.task.done()
 
+    @property
+    def waits_on_ground(self) -> bool:
+        """Its customer is asked, and it holds no drone meanwhile."""
+        return self.mailbox.question is not None and not any(isinstance(event, PlacedEvent) for event in self.events)
+
     def delivery(self) -> Delivery:
+        question = self.mailbox.question if self.result is None else None
+        status = "done" if self.result is not None else "flying" if question is None else "needs_answer"
         told = {
-            "status": "done" if self.result is not None else "flying",
+            "status": status,
             "phase": self.events[-1].phase if self.events else "parse",
+            "question": question,
             "result": self.result,
         }
         return self.run.record.delivery.model_copy(update=told)
 
 
 class Deliveries:
-    """Takes, lists and cancels deliveries; `runs` is the folder of the records."""
+    """Takes, lists and cancels deliveries; `runs` is the folder of the records. At most `max_live` are under way, and
+    `max_waiting` wait on the ground for an answer, `patience_s` each unless they say otherwise."""
 
     def __init__(
-        self, services: Callable[[], Simulated], runs: Path, *, max_live: int = 2, max_listed: int = 200
+        self,
+        services: Callable[[], Simulated],
+        runs: Path,
+        *,
+        max_live: int = 2,
+        max_waiting: int = 50,
+        max_listed: int = 200,
+        patience_s: float = DEFAULT_PATIENCE_S,
     ) -> None:
         self._services = services
         self._runs = runs
         self._max_live = max_live
+        self._max_waiting = max_waiting
         self._max_listed = max_listed
+        self._patience_s = patience_s
         self._live: dict[str, LiveDelivery] = {}
 
     async def take(self, question: DeliveryQuestion) -> Delivery:
@@ -75,23 +97,44 @@ class Deliveries:
             raise BadQuestion(str(error)) from None
         await self._check(order)
         # no waiting between the count and the start: others would slip in
-        under_way = sum(not live.over for live in self._live.values())
+        self._check_room()
+        started: list[LiveDelivery] = []
+        try:
+            run = Run(order, self._runs, listener=lambda event: started[0].add(event))
+        except OSError as error:
+            raise Unavailable(f"the record can't be written: {error.strerror}", code="no_record") from None
+        patience_s = self._patience_s if question.answer_within_s is None else question.answer_within_s
+        live = LiveDelivery(run, Mailbox(patience_s, lambda: self._waiting < self._max_waiting))
+        started.append(live)
+        self._live[run.id] = live
+        live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
+        await asyncio.sleep(0)  # a task that is cancelled before its first step would leave no record
+        return live.delivery()
+
+    @property
+    def _waiting(self) -> int:
+        return sum(live.waits_on_ground for live in self._live.values())
+
+    def _check_room(self) -> None:
+        """Raises TooMany where no further delivery may fly."""
+        under_way = sum(not live.over and not live.waits_on_ground for live in self._live.values())
         if under_way >= self._max_live:
             raise TooMany(
                 f"{under_way} deliveries are under way, and no more than {self._max_live} may be; "
                 "wait for one to end or cancel one",
                 headers={"retry-after": "10"},
             )
-        started: list[LiveDelivery] = []
-        try:
-            run = Run(order, self._runs, listener=lambda event: started[0].add(event))
-        except OSError as error:
-            raise Unavailable(f"the record can't be written: {error.strerror}", code="no_record") from None
-        live = LiveDelivery(run)
-        started.append(live)
-        self._live[run.id] = live
-        live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
-        await asyncio.sleep(0)  # a task that is cancelled before its first step would leave no record
+
+    async def answer(self, name: str, text: str) -> Delivery:
+        """Hands the customer's answer to a delivery that waits for it. Raises NotFound, Conflict (nothing is asked),
+        TooMany (it would take off, and as many as may be are under way: the question stays open)."""
+        live = self._live.get(name)
+        if live is None or live.mailbox.question is None:
+            delivery = await asyncio.to_thread(self.get, name)
+            raise Conflict(f"delivery {name} asks nothing: it is {delivery.status}", code="nothing_asked")
+        if live.waits_on_ground:
+            self._check_room()
+        live.mailbox.give(text)
         return live.delivery()
 
     async def _check(self, order: Order) -> None:
@@ -111,7 +154,7 @@ class Deliveries:
 
     async def _fly(self, live: LiveDelivery) -> None:
         try:
-            live.result = await live.run.fly(self._services())
+            live.result = await live.run.fly(self._services(), live.mailbox)
         except Exception:
             log.exception("delivery %s broke off", live.run.id)
             live.result = cut_off(len(live.events))

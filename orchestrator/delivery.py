@@ -10,6 +10,7 @@ from contracts.events import Event
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
 from mission.clients import Simulated
+from mission.customer import Customer
 from mission.mission import Mission
 from mission.placement import InTrial
 from mission.policies import BadSearch, completed
@@ -100,13 +101,15 @@ class Run:
     def id(self) -> str:
         return self.record.delivery.id
 
-    async def fly(self, services: Simulated) -> DeliveryResult:
+    async def fly(self, services: Simulated, customer: Customer | None = None) -> DeliveryResult:
         """Flies from where the record's state is, and completes the record. Cancelling the task ends the flight, not
-        the record."""
+        the record. Without a `customer` nobody is asked what a request leaves open."""
         order = self._order
         try:
             placement = order.placed(services.trial)
-            mission = Mission(services.ports, placement, order.settings, self.record, keep=self.record.keep)
+            mission = Mission(
+                services.ports, placement, order.settings, self.record, customer=customer, keep=self.record.keep
+            )
             result = await mission.go_on(read_state(self.record.folder) or begin(order.request))
             self.record.conclude(result)
             await self._draw()

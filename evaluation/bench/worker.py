@@ -10,6 +10,8 @@ import shutil
 import sys
 import time
 import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 from uuid import uuid4, uuid5
@@ -19,7 +21,6 @@ from pydantic import Field
 from contracts.base import Name, Wire
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
-from evaluation.bench.prefetch import Prefetched
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -27,6 +28,7 @@ from evaluation.task_set.task import Task
 from launcher.processes import CannotStart, Child, Processes, free_ports
 from mission.clients import Services
 from mission.mission import Mission
+from mission.placement import InTrial
 from mission.record import Log, Pictures, Record, now
 from mission.vehicle import Trial, Vehicle
 from service_kit.addresses import FLIGHT_SERVICES
@@ -86,6 +88,22 @@ async def who_ended(group: Group, patience_s: float) -> Child | None:
             return ended
         await asyncio.sleep(_GLANCE_S)
     return group.ended()
+
+
+@dataclass(frozen=True)
+class Prefetched(InTrial):
+    """A trial that may have been begun before its turn (`opening`); once its drone is placed, `begin_next` begins the
+    next one: building a scene takes as long as several looks, and the simulator would idle meanwhile."""
+
+    opening: asyncio.Task[Vehicle] | None
+    begin_next: Callable[[], None]
+
+    async def begin(self, key: str) -> Vehicle:
+        if self.opening is not None:
+            await asyncio.wait({self.opening})  # whatever came of it: the same key is the same trial
+        vehicle = await super().begin(key)
+        self.begin_next()
+        return vehicle
 
 
 class Worker:

@@ -1,4 +1,4 @@
-"""Success, and how it grows with the radius in which a stop counts."""
+"""Success, and how it grows with the radius in which a stop counts; the steps it takes; claims of wrong windows."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -34,3 +34,15 @@ def stops_well(result: DeliveryResult | None, radius_m: float = SUCCESS_RADIUS_M
 def success_curve(records: Sequence[EpisodeRecord], radii_m: Sequence[float] = CURVE_RADII_M) -> tuple[AtRadius, ...]:
     """One point a radius, over all tasks. Without records every point is 0 of 0."""
     return tuple(AtRadius(r, share(stops_well(record.result, r) for record in records)) for r in radii_m)
+
+
+def average_steps(records: Sequence[EpisodeRecord]) -> float | None:
+    """The mean over successful tasks only, as the paper has it; null without a success."""
+    steps = [record.result.steps for record in records if record.success and record.result is not None]
+    return sum(steps) / len(steps) if steps else None
+
+
+def recognition_fail_rate(records: Sequence[EpisodeRecord]) -> Proportion:
+    """Wrong claims / tasks with a claim, as the paper has it. Without a claim 0 of 0, no rate."""
+    claims = [record.result.verdict for record in records if record.result is not None and record.result.verdict]
+    return share(verdict.right_window is False for verdict in claims)

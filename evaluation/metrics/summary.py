@@ -14,10 +14,8 @@ from evaluation.metrics.floor_localization import floor_fail_rate, half_floor_fa
 from evaluation.metrics.ideal_lap import ideal_lap_spl
 from evaluation.metrics.model_calls import RoleCalls, model_calls
 from evaluation.metrics.proportion import Proportion
-from evaluation.metrics.recognition import recognition_fail_rate
 from evaluation.metrics.spl import Flown, spl
-from evaluation.metrics.steps import average_steps
-from evaluation.metrics.success import success_curve, success_rate
+from evaluation.metrics.success import average_steps, recognition_fail_rate, success_curve, success_rate
 from evaluation.task_set.task import Task
 
 

@@ -7,17 +7,22 @@ from contracts.llm_parser import ParseQuestion
 from contracts.vlm_gateway import PreflightQuestion
 from mission.model_calls import Answered
 from mission.places import spoken
-from mission.stages import MeasureStandOff, PlaceDrone, Preflight
+from mission.questions import left_open, missing_fields, question_of
+from mission.stage_actions.asking import ask_customer
+from mission.stages import MeasureStandOff, NeedsAnswer, PlaceDrone, Preflight
 from mission.step import Drone, MissionEnd, Step
 
-_WANTED = {"floor": "floor", "object": "object at the window"}
 
-
-async def read_request(step: Step) -> Preflight:
-    """Raises MissionEnd: request_incomplete, request_unreadable; PortError."""
-    request = step.state.request
-    step.enter("parse", "reading the request")
-    question = ParseQuestion(request=request, model=step.settings.parser_model)
+async def read_request(step: Step) -> Preflight | NeedsAnswer:
+    """Raises MissionEnd: request_incomplete where nobody can be asked for the rest, request_unreadable; PortError."""
+    request, exchanges = step.state.request, step.state.exchanges
+    step.enter("parse", "reading the request again, with the answer" if exchanges else "reading the request")
+    question = ParseQuestion(
+        request=request,
+        model=step.settings.parser_model,
+        ground_floor=step.settings.ground_floor,
+        exchanges=exchanges,
+    )
     reply = await step.ask("parser", step.ports.parser.parse(question))
     answer = reply.answer
     step.update(floor=answer.floor, object=answer.object)
@@ -28,23 +33,24 @@ async def read_request(step: Step) -> Preflight:
     )
     if not isinstance(reply, Answered):
         raise MissionEnd("request_unreadable", f"the language model's answer to the request was {answer.outcome}")
-    missing = [name for name, value in (("floor", answer.floor), ("object", answer.object)) if value is None]
-    if missing:
-        wanted = " and no ".join(_WANTED[name] for name in missing)
-        raise MissionEnd("request_incomplete", f"the request names no {wanted}; say both, and the search can begin")
+    if missing_fields(answer):
+        asked = question_of(answer)
+        return await ask_customer(step, "request", asked, "request_incomplete", f"{left_open(answer)}: {asked}")
     return Preflight()
 
 
-async def preflight(step: Step) -> PlaceDrone:
-    """Raises MissionEnd (object_unknown) for a thing that the model says it has never learnt; PortError."""
+async def preflight(step: Step) -> PlaceDrone | NeedsAnswer:
+    """Asks for something else at the window where the model says that it has never learnt the thing. Raises MissionEnd
+    (object_unknown) where nobody can be asked; PortError."""
     question = PreflightQuestion(model=step.settings.vision_model, object=step.state.object or "")
     answer = await step.timed("preflight", step.ports.vision.preflight(question))
     if answer.known is False:
-        raise MissionEnd(
-            "object_unknown",
+        why = (
             f"the drone did not take off: it has never learnt to recognise {step.thing} ({answer.why}); "
-            "name another thing at the window, or choose a model that knows more",
+            "name another thing at the window, or choose a model that knows more"
         )
+        asked = f"I have never learnt to recognise {step.thing}. Is there something else at your window?"
+        return await ask_customer(step, "unknown_object", asked, "object_unknown", why)
     return PlaceDrone()
 
 

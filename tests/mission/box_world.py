@@ -37,7 +37,7 @@ from contracts.vlm_gateway import (
     PreflightQuestion,
 )
 from mission.placement import InTrial
-from mission.ports import Ports
+from mission.ports import Parser, Ports
 from services.depth_assist.app import choose_viewpoint, explore_step, measure_safe_distances, plan_approach
 from tests.mission.block import SIZE, block_scene
 from tests.mission.block_vehicle import BlockWorld
@@ -117,17 +117,23 @@ class LocalDepthAssist:
 
 
 class SceneParser:
-    """Reads "... floor <number>, ... the <object>"."""
+    """Reads "... floor <number>, ... the <object>", first of what was answered last."""
 
     async def parse(self, question: ParseQuestion) -> ParseAnswer:
-        floor = re.search(r"floor (\d+)", question.request)
-        thing = re.search(r"the (\w+ \w+ \w+)$", question.request)
+        said = [exchange.answer for exchange in reversed(question.exchanges)] + [question.request]
+        floor = next((found for text in said if (found := re.search(r"floor (\d+)", text))), None)
+        thing = next((found for text in said if (found := re.search(r"the (\w+ \w+ \w+)$", text))), None)
         found = {"floor": int(floor[1]) if floor else None, "object": thing[1] if thing else None}
         return ParseAnswer(**found, missing=tuple(k for k, v in found.items() if v is None), model="pattern")
 
 
-def block_ports(world: BlockWorld, vision: BlockVision | None = None, depth: LocalDepthAssist | None = None) -> Ports:
-    return Ports(SceneParser(), vision or BlockVision(world), depth or LocalDepthAssist())
+def block_ports(
+    world: BlockWorld,
+    vision: BlockVision | None = None,
+    depth: LocalDepthAssist | None = None,
+    parser: Parser | None = None,
+) -> Ports:
+    return Ports(parser or SceneParser(), vision or BlockVision(world), depth or LocalDepthAssist())
 
 
 def block_placement(world: BlockWorld, scene: Scene | None = None, rig: Rig = RIG) -> InTrial:

@@ -259,3 +259,97 @@ def test_the_viewer_is_one_page_that_asks_for_nothing_from_elsewhere(door) -> No
     assert "http://" not in answer.text.replace("http://www.w3.org/2000/svg", "")
     assert "https://" not in answer.text
     assert '<link rel="stylesheet"' not in answer.text
+
+
+VAGUE = "Please come to the window with the green flower pot"
+
+
+def asked(client: httpx.Client, name: str) -> Delivery:
+    """The delivery once it waits for an answer."""
+    give_up = time.monotonic() + 10
+    while True:
+        delivery = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
+        if delivery.status == "needs_answer" or time.monotonic() > give_up:
+            return delivery
+        time.sleep(0.02)
+
+
+def test_a_delivery_that_leaves_something_open_waits_and_an_answer_goes_on_with_it(door) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
+    waiting = asked(client, name)
+    assert waiting.status == "needs_answer"
+    assert waiting.question is not None
+    assert waiting.question.text == "Which floor is the window on?"
+    assert not world.live
+    assert client.get("/v1/deliveries").json()["deliveries"][0]["status"] == "needs_answer"
+    answered = client.post(f"/v1/deliveries/{name}/answer", json={"text": " floor 4 "})
+    assert answered.status_code == 200
+    assert answered.json()["status"] == "flying"
+    kinds = [e.kind for e in events_of(client, name)]
+    assert kinds.index("question") < kinds.index("answer") < kinds.index("placed")
+    done = finished(client, name)
+    assert (done.result.outcome, done.question) == ("delivered", None)
+
+
+def test_an_answer_that_nobody_asked_for_is_refused(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.05)
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    while_flying = client.post(f"/v1/deliveries/{name}/answer", json={"text": "floor 4"})
+    assert (while_flying.status_code, while_flying.json()["error"]["code"]) == (409, "nothing_asked")
+    finished(client, name)
+    done = client.post(f"/v1/deliveries/{name}/answer", json={"text": "floor 4"})
+    assert (done.status_code, "it is done" in done.text) == (409, True)
+    nobody = client.post("/v1/deliveries/20250101-000000-0a0a0a/answer", json={"text": "floor 4"})
+    assert nobody.status_code == 404
+
+
+@pytest.mark.parametrize("body", [{"text": ""}, {"text": " \n "}, {"text": "x" * 1001}, {}, {"text": "4", "more": 1}])
+def test_an_answer_without_words_or_with_too_many_is_refused_and_the_question_stays(door, body: dict) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world)
+    name = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
+    asked(client, name)
+    assert client.post(f"/v1/deliveries/{name}/answer", json=body).status_code == 422
+    assert asked(client, name).status == "needs_answer"
+    assert client.delete(f"/v1/deliveries/{name}").json()["result"]["outcome"] == "cancelled"
+
+
+@pytest.mark.parametrize("by", ["deployment", "delivery"])
+def test_without_an_answer_in_time_a_delivery_ends_incomplete_with_its_question(door, by: str) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world, patience_s=0.3) if by == "deployment" else door(world)
+    more = {"answer_within_s": 0.3} if by == "delivery" else {}
+    name = client.post("/v1/deliveries", json=order(world, request=VAGUE, **more)).json()["id"]
+    result = finished(client, name).result
+    assert result is not None
+    assert result.outcome == "request_incomplete"
+    assert result.message.startswith("no answer came within")
+    assert "Which floor is the window on?" in result.message
+
+
+def test_deliveries_that_wait_on_the_ground_keep_no_others_from_flying(door) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world, max_live=1, max_waiting=1)
+    waiting = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
+    asked(client, waiting)
+    flown = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    assert finished(client, flown).result.outcome == "delivered"
+    too_many = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
+    assert finished(client, too_many).result.outcome == "request_incomplete", "there is no room for a second to wait"
+    assert asked(client, waiting).status == "needs_answer"
+
+
+def test_an_answer_waits_for_its_turn_where_as_many_fly_as_may(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.3)
+    client = door(world, max_live=1)
+    waiting = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
+    asked(client, waiting)
+    flying = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    refused = client.post(f"/v1/deliveries/{waiting}/answer", json={"text": "floor 4"})
+    assert (refused.status_code, refused.headers["retry-after"]) == (429, "10")
+    client.delete(f"/v1/deliveries/{flying}")
+    assert client.post(f"/v1/deliveries/{waiting}/answer", json={"text": "floor 4"}).status_code == 200
+    assert client.delete(f"/v1/deliveries/{waiting}").json()["result"]["outcome"] == "cancelled"

@@ -6,9 +6,7 @@ from evaluation.metrics.breakdown import breakdown, floor_group
 from evaluation.metrics.collisions import collisions
 from evaluation.metrics.floor_localization import floor_fail_rate, half_floor_fail_rate
 from evaluation.metrics.model_calls import latency, model_calls
-from evaluation.metrics.recognition import recognition_fail_rate
-from evaluation.metrics.steps import average_steps
-from evaluation.metrics.success import success_curve, success_rate
+from evaluation.metrics.success import average_steps, recognition_fail_rate, success_curve, success_rate
 from tests.evaluation.evaluation_kit import a_record, a_result, a_task, a_verdict, delivered
 
 TASKS = {f"t-{i}": a_task(f"t-{i}") for i in range(6)}
