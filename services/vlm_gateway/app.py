@@ -1,6 +1,7 @@
 """vlm_gateway's routes."""
 
 import asyncio
+import contextlib
 import time
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Iterable, Mapping
 from contextlib import asynccontextmanager
@@ -44,6 +45,7 @@ from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.questions import Kind
 from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.shared_limits import Bell
+from services.vlm_gateway.tracking import NO_TRACER, Tracer
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.report import report
 
@@ -62,6 +64,7 @@ def build_app(
     log_share: float = 0.0,
     limits: ChatLimits = NO_LIMITS_SET,
     origins: Origins | None = None,
+    tracer: Tracer = NO_TRACER,
     reloader: Reloader | None = None,
     worker: Worker | None = None,
 ) -> Frontend:
@@ -77,6 +80,7 @@ def build_app(
         cache,
         gateway.metrics,
         gateway.accounts,
+        tracer,
     )
     known = keys or Keys({})
     log = RequestLog(log_share)
@@ -101,6 +105,8 @@ def build_app(
                 await backend.close()
             log.flush()
             await gateway.accounts.ledger.close()
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(asyncio.to_thread(tracer.close), 2.0)
             if cache is not None:
                 await cache.close()
 
@@ -129,6 +135,7 @@ def build_app(
         answer = await _within(request, gateway.answer(question))
         response = json_response(answer)
         response.headers["x-cache"] = answer.cache
+        response.headers["x-model"] = gateway.asked(question)
         return response
 
     @app.post("/v1/preflight")
@@ -204,6 +211,7 @@ def build_app(
         log,
         limits=limits,
         origins=pages,
+        tracer=tracer,
     )
 
 

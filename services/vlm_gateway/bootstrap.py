@@ -39,6 +39,7 @@ from services.vlm_gateway.questions import KINDS
 from services.vlm_gateway.reloading import Reloader
 from services.vlm_gateway.settings import GatewaySettings
 from services.vlm_gateway.shared_limits import SharedPlaces
+from services.vlm_gateway.tracking import NO_TRACER, Tracer
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.accounts import Accounts, Price
 from services.vlm_gateway.usage.ledger import Ledger
@@ -91,10 +92,22 @@ def build(settings: GatewaySettings, worker: Worker | None = None, *, environmen
         log_share=settings.request_log_share,
         origins=origins,
         limits=now.limits,
+        tracer=_tracer(settings),
         reloader=Reloader(reload, files) if settings.gateway_config is not None else None,
         worker=worker,
     )
     return frontend
+
+
+def _tracer(settings: GatewaySettings) -> Tracer:
+    endpoint = settings.otel_exporter_otlp_endpoint
+    if endpoint is None:
+        return NO_TRACER
+    try:
+        from services.vlm_gateway.otel import OtelTracer
+    except ImportError:
+        raise BadSetting("OTEL_EXPORTER_OTLP_ENDPOINT: install the extra `otel` to send traces, or unset it") from None
+    return OtelTracer(endpoint)
 
 
 def configured(

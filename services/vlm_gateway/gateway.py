@@ -98,6 +98,10 @@ class Gateway:
             why=why,
         )
 
+    def asked(self, question: Question) -> str:
+        """The alias that a question goes to. Raises as `alias` does."""
+        return self.alias(question.model, self._kind_of[type(question)].role)
+
     def alias(self, named: str | None, role: Role) -> str:
         """The alias that answers. Raises BadQuestion, naming the aliases there are, or Forbidden."""
         alias = named or self.roles.get(role)
@@ -163,7 +167,7 @@ class Gateway:
             provider = backend.settings.config.server
             estimate = estimated(QUESTION_BYTES, len(prepared.pictures), backend.settings.max_tokens)
             bill = await self.accounts.reserve(asking.get(), alias, estimate)
-            bill.model_asked()
+            bill.asked = True
         try:
             reply = await prepared.ask(backend)
             if bill is not None:

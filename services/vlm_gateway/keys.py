@@ -12,7 +12,7 @@ import hmac
 import secrets
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from contracts.base import Wire
@@ -123,6 +123,15 @@ class Key:
         self._held -= held
         if self._tokens is not None:
             self._tokens.add(held - used)
+
+    def rates(self) -> Iterable[tuple[bytes, bytes]]:
+        """What is left of this minute's requests and tokens, as OpenAI's headers tell it."""
+        for unit, bucket in ((b"requests", self._requests), (b"tokens", self._tokens)):
+            if bucket is not None:
+                left = max(0, int(bucket.fill(self._clock())))
+                yield b"x-ratelimit-limit-" + unit, b"%d" % bucket.size
+                yield b"x-ratelimit-remaining-" + unit, b"%d" % left
+                yield b"x-ratelimit-reset-" + unit, b"%.3fs" % bucket.wait_s(bucket.size)
 
     def may_ask(self, alias: str) -> bool:
         return self.models is None or alias in self.models

@@ -62,6 +62,9 @@ class GatewaySettings(CacheSettings, ServiceSettings):
         description="The share of chats that get a line in the log; those answered with 500 or more always get one (20 "
         "each half second at most), unless this is 0.",
     )
+    otel_exporter_otlp_endpoint: HttpAddress | None = Field(
+        None, description="An OpenTelemetry collector to send traces to, such as http://127.0.0.1:4318 (extra `otel`)."
+    )
     oracle_sim_url: HttpAddress | None = Field(
         None, description="The simulator that the back end `oracle` asks; unset: there is no such back end."
     )

@@ -1,6 +1,5 @@
 """Asking the models for a chat: which ones, in which order, and what of their answers is kept and counted."""
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -9,18 +8,20 @@ from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.errors import ModelError, ModelRejected
 from services.vlm_gateway.hot.exchange import Stored
 from services.vlm_gateway.hot.fitting import PictureFitter
+from services.vlm_gateway.hot.model_call import ModelCall
 from services.vlm_gateway.hot.relay import Course, Pieces, Relayed
 from services.vlm_gateway.hot.request import Chat, part_types, unknown_fields, unknown_parts
 from services.vlm_gateway.hot.rewriting import rewritten
 from services.vlm_gateway.hot.scan import Scanned
 from services.vlm_gateway.keys import Forbidden, Key, asking
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.tracking import NO_TRACER, Tracer
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.upstream.events import ChatReader, outcome_of
 from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.upstream.replies import Said, Spent
 from services.vlm_gateway.upstream.stream import ChatStream
-from services.vlm_gateway.usage.accounts import Accounts, Bill, estimated
+from services.vlm_gateway.usage.accounts import Accounts, estimated
 
 
 class Answered(NamedTuple):
@@ -61,8 +62,10 @@ class Models:
         cache: GuardedCache | None,
         metrics: GatewayMetrics,
         accounts: Accounts,
+        tracer: Tracer = NO_TRACER,
     ) -> None:
         self._accounts = accounts
+        self._tracer = tracer
         self._targets = targets
         self.default = default
         self._cache = cache
@@ -103,23 +106,21 @@ class Models:
     async def whole(self, call: ChatCall) -> Answered:
         """Target by target, until one answers. Raises OverBudget as well."""
         for target, after in call.in_turn():
-            started = time.perf_counter()
-            bill = await self._accounts.reserve(asking.get(), target.alias, call.estimate)
+            asked = await self._begin(target, call)
             try:
-                answer = await target.whole(await self._body(target, call), call.trace, bill.model_asked)
+                answer = await target.whole(await self._body(target, call), asked.trace, asked.asked)
                 if answer.said.message is None:
                     raise target.no_choice()
-                bill.settle(answer.said.tokens)
             except ModelError as error:
-                # a server that said more than is taken has been paid for it
-                bill.settle(call.estimate if error.details.get("reason") == "too_large" else Spent())
-                if not self._passes_on(target, after, error, started):
+                asked.failed(error)
+                if not self._passes_on(target, after, error):
                     raise
                 continue
-            finally:
-                bill.given_up()
+            except BaseException:
+                asked.given_up()
+                raise
             outcome = _outcome(answer.said, call.chat.limits_length)
-            self._called(target, started, answer.said.tokens)
+            asked.ended(answer.said.tokens)
             if outcome == "answered":
                 self._keep(call, target, Stored(target.alias, False, answer.body))
             return Answered(target.alias, answer.body, outcome)
@@ -129,17 +130,16 @@ class Models:
         """A stream's bytes as they come, once one of the targets has something to say. Kept whole, with its end seen,
         or not at all. What was passed on is paid for, however it ends. Raises OverBudget as well."""
         for target, after in call.in_turn():
-            started = time.perf_counter()
-            bill = await self._accounts.reserve(asking.get(), target.alias, call.estimate)
+            asked = await self._begin(target, call)
             try:
-                stream = await self._opened(target, call, bill)
+                stream = await self._opened(target, call, asked)
             except ModelError as error:
-                bill.settle(Spent())
-                if not self._passes_on(target, after, error, started):
+                asked.failed(error)
+                if not self._passes_on(target, after, error):
                     raise
                 continue
             except BaseException:
-                bill.given_up()
+                asked.given_up()
                 raise
             course.alias = target.alias
             relayed, failed = Relayed(), "caller_left"
@@ -153,13 +153,17 @@ class Models:
                 raise
             finally:
                 stream.close()
-                used = _used(stream.said, bill.estimate)
-                bill.settle(used)
-                self._called(target, started, used, failed)
+                asked.ended(_used(stream.said, call.estimate), failed)
             course.outcome = stream.said.outcome(call.chat.limits_length)
             if course.outcome == "answered" and (whole := relayed.whole) is not None:
                 self._keep(call, target, Stored(target.alias, True, whole))
             return
+
+    async def _begin(self, target: Upstream, call: ChatCall) -> ModelCall:
+        """A call to one target, its estimate reserved. Raises OverBudget."""
+        bill = await self._accounts.reserve(asking.get(), target.alias, call.estimate)
+        span = self._tracer.model_call(call.trace, target.provider, target.model.config.model, target.alias)
+        return ModelCall(target, bill, self._metrics, span, call.trace)
 
     async def _body(self, target: Upstream, call: ChatCall) -> list[Buffer]:
         """The request in this target's words, its pictures scaled where the target takes no such ones. Raises
@@ -168,28 +172,24 @@ class Models:
         scaled = await self._fitter.fitted(pictures, accepts.pictures) if pictures else None
         return rewritten(call.scanned, call.chat, accepts, scaled)
 
-    async def _opened(self, target: Upstream, call: ChatCall, bill: Bill) -> ChatStream:
+    async def _opened(self, target: Upstream, call: ChatCall, asked: ModelCall) -> ChatStream:
         """The stream of one target. A server that does not know how to count a stream's tokens isn't asked to again."""
         while True:
             counting = target.accepts.counts_streams and not call.chat.wants_usage
             try:
                 body = await self._body(target, call)
-                return await target.stream(body, call.trace, bill.model_asked, without_usage=counting)
+                return await target.stream(body, asked.trace, asked.asked, without_usage=counting)
             except ModelRejected as error:
                 if not counting or not target.refuses_to_count(error):
                     raise
-
-    def _called(self, target: Upstream, started: float, used: Spent, failed: str = "") -> None:
-        self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, used, failed)
 
     def _keep(self, call: ChatCall, target: Upstream, answer: Stored) -> None:
         """Unless another model stood in: its answer is not the one that was asked for."""
         if call.digest and self._cache is not None and target is call.targets[0]:
             self._cache.put(call.digest, answer.written())
 
-    def _passes_on(self, target: Upstream, after: Upstream | None, error: ModelError, started: float) -> bool:
+    def _passes_on(self, target: Upstream, after: Upstream | None, error: ModelError) -> bool:
         """Whether the next target is asked after this error."""
-        self._metrics.model_called(target.provider, target.alias, time.perf_counter() - started, error=error.kind)
         if after is None or error.fallback_reason not in target.fallback_after:
             return False
         self._metrics.fell_back(target.alias, after.alias, error.kind)

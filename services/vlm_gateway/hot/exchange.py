@@ -1,9 +1,8 @@
 """One chat: its request as it comes in, its answer as it goes out, and what became of it."""
 
 import asyncio
-import re
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import ClassVar, NamedTuple, Protocol, Self
 
 from fastapi.responses import Response
@@ -13,62 +12,14 @@ from uvicorn.server import ServerState
 
 from contracts.errors import ErrorBody, ErrorDetail
 from contracts.vlm_gateway import CacheResult
-from service_kit.errors import BadQuestion, ServiceError, error_response
+from service_kit.errors import ServiceError, error_response
 from service_kit.requests import EXPOSED, Origins
-from services.vlm_gateway.hot.deadline import Deadline, caller_left, stated_timeout_s
+from services.vlm_gateway.hot.deadline import Deadline, caller_left
+from services.vlm_gateway.hot.head import Head, Header, head_of
 from services.vlm_gateway.keys import ANYBODY, Key
+from services.vlm_gateway.tracking import NO_SPAN, Span, Tracer
 
-_TRACEPARENT = re.compile(rb"00-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
-_CACHE_HEADER = {b"on": True, b"off": False}
 _EXPOSE = b"access-control-expose-headers: " + ", ".join(EXPOSED).encode() + b"\r\nvary: origin\r\n"
-Header = tuple[bytes, bytes]
-
-
-class Head(NamedTuple):
-    """What of a request's headers counts. `cache` is None where the caller leaves it to us; `origin` is a web page's,
-    None where a program asks."""
-
-    authorization: bytes | None
-    kind: bytes | None
-    encoding: bytes | None
-    origin: bytes | None
-    host: bytes | None
-    length: int
-    cache_said: bytes | None
-    timeout_said: bytes | None
-    trace: bytes | None
-
-    @property
-    def cache(self) -> bool | None:
-        """Raises BadQuestion."""
-        if self.cache_said is None:
-            return None
-        if self.cache_said not in _CACHE_HEADER:
-            raise BadQuestion("x-cache: say on or off, or leave it out")
-        return _CACHE_HEADER[self.cache_said]
-
-    @property
-    def timeout_s(self) -> float | None:
-        """Raises BadQuestion."""
-        return stated_timeout_s(self.timeout_said)
-
-
-def head_of(headers: Iterable[Header]) -> Head:
-    """Names are in lower case. What is written wrongly is found when it is used."""
-    found = dict(headers)
-    length = found.get(b"content-length", b"0")
-    trace = found.get(b"traceparent")
-    return Head(
-        found.get(b"authorization"),
-        found.get(b"content-type"),
-        found.get(b"content-encoding"),
-        found.get(b"origin"),
-        found.get(b"host"),
-        int(length) if length.isdigit() else 0,
-        found.get(b"x-cache"),
-        found.get(b"x-timeout-s"),
-        trace if trace is not None and _TRACEPARENT.fullmatch(trace) else None,
-    )
 
 
 class Line(Protocol):
@@ -105,6 +56,9 @@ class Exchange:
         self.response_complete = False
         self.key: Key = ANYBODY
         self.alias = ""
+        self.request_id = b""
+        self.trace: bytes | None = None
+        self._span: Span = NO_SPAN
         self.outcome = "gone"
         self.cache: CacheResult = "off"
         self.status = 499
@@ -116,8 +70,33 @@ class Exchange:
     def head(self) -> Head:
         return head_of(self._headers)
 
+    def begin(self, head: Head, tracer: Tracer) -> None:
+        """Which request it is; its span begins."""
+        self.request_id = head.request_id
+        self._span = tracer.request(head.trace, head.request_id)
+        self.trace = self._span.traceparent or head.trace
+
+    def end_span(self) -> None:
+        facts = {"http.response.status_code": self.status, "logisticsvln.outcome": self.outcome}
+        if self.status >= 500:
+            facts["error.type"] = self.outcome
+        self._span.end(**facts)
+
     def took_s(self) -> float:
         return time.perf_counter() - self._began
+
+    def facts(self, took_s: float) -> dict[str, str | int | float | None]:
+        """What the log says of it: names and numbers only."""
+        return {
+            "status": self.status,
+            "outcome": self.outcome,
+            "model": self.alias,
+            "key": self.key.name,
+            "cache": self.cache,
+            "ms": round(took_s * 1000, 2),
+            "answer_bytes": self.sent,
+            "request_id": self.request_id.decode("latin-1"),
+        }
 
     # -- what the connection tells
 
@@ -223,10 +202,20 @@ class Exchange:
             parts += (name, b": ", value, b"\r\n")
         for name, value in headers:
             parts += (name, b": ", value, b"\r\n")
+        parts += self._identity()
         if self.allowed_origin is not None:
             parts += (b"access-control-allow-origin: ", self.allowed_origin, b"\r\n", _EXPOSE)
         parts.append(b"\r\n" if self.keep_alive else b"connection: close\r\n\r\n")
         return b"".join(parts)
+
+    def _identity(self) -> Iterator[bytes]:
+        """Which request it was, who answers it, and what is left of the key's rates."""
+        if self.request_id:
+            yield b"x-request-id: %s\r\n" % self.request_id
+        if self.alias:
+            yield b"x-model: %s\r\n" % self.alias.encode()
+        for name, value in self.key.rates():
+            yield b"%s: %s\r\n" % (name, value)
 
     def _write(self, data: bytes) -> None:
         if not self.disconnected:

@@ -32,13 +32,15 @@ from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorde
 from services.vlm_gateway.flights import Flights
 from services.vlm_gateway.hot.calls import Answered, ChatCall, Models
 from services.vlm_gateway.hot.deadline import too_late
-from services.vlm_gateway.hot.exchange import Exchange, Head, Stored, event_of, head_of, rendered, too_large
+from services.vlm_gateway.hot.exchange import Exchange, Stored, event_of, rendered, too_large
+from services.vlm_gateway.hot.head import Head, head_of
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.relay import Broadcast, Course
 from services.vlm_gateway.hot.scan import Scanned, read, scan
 from services.vlm_gateway.hot.server import PATH, CallerProtocol
 from services.vlm_gateway.keys import ANYBODY, Forbidden, Key, Keys, Unauthorised, asking
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.tracking import NO_TRACER, Tracer, identified, request_id
 
 log = logging.getLogger(__name__)
 
@@ -67,7 +69,9 @@ class Frontend:
         *,
         limits: ChatLimits,
         origins: Origins,
+        tracer: Tracer = NO_TRACER,
     ) -> None:
+        self._tracer = tracer
         self._app = app
         self.keys = keys
         self._cache = cache
@@ -104,8 +108,11 @@ class Frontend:
             await self._app(scope, receive, send)
             return
         counted = scope["method"] == "POST" and path.startswith("/v1/")
+        head = head_of(scope["headers"])
+        request_id.set(head.request_id)
+        send = identified(send, head.request_id)
         try:
-            key = self.keys.of(head_of(scope["headers"]).authorization)
+            key = self.keys.of(head.authorization)
             if path in ADMIN_PATHS and not key.admin:
                 raise Forbidden("this key may not read the gateway's figures; use the operator's, or one with admin")
             if counted:
@@ -137,6 +144,8 @@ class Frontend:
             head = exchange.head
             if head.origin is not None:
                 exchange.from_page(head, self._origins)
+            exchange.begin(head, self._tracer)
+            request_id.set(head.request_id)
             exchange.key = self.keys.of(head.authorization)
             exchange.key.enter()
             asking.set(exchange.key)
@@ -203,7 +212,7 @@ class Frontend:
         scanned, chat = await asyncio.to_thread(read, scanned, self._limits) if big else read(scanned, self._limits)
         if digest and not (chat.deterministic or head.cache or replay):
             digest, exchange.cache = "", "off"
-        call = ChatCall(self.models.asked(chat, exchange.key), scanned, chat, head.trace, digest)
+        call = ChatCall(self.models.asked(chat, exchange.key), scanned, chat, exchange.trace, digest)
         exchange.alias = call.targets[0].alias
         if replay:
             message = (
@@ -278,17 +287,10 @@ class Frontend:
 
     def _count(self, exchange: Exchange) -> None:
         took_s = exchange.took_s()
+        exchange.end_span()
         self._http.requests.add(PATH, "POST", str(exchange.status))
         self._http.seconds.add(PATH, "POST", value=took_s)
         if exchange.alias:
             self._metrics.called("chat", "chat", exchange.alias, exchange.outcome, exchange.cache, took_s)
         if self._log.wants(exchange.status):
-            self._log.add(
-                status=exchange.status,
-                outcome=exchange.outcome,
-                model=exchange.alias,
-                key=exchange.key.name,
-                cache=exchange.cache,
-                ms=round(took_s * 1000, 2),
-                answer_bytes=exchange.sent,
-            )
+            self._log.add(**exchange.facts(took_s))

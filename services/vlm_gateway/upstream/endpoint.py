@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from urllib.parse import urlencode, urlsplit
 
 from services.vlm_gateway.config import ChatModel, ServerConfig
+from services.vlm_gateway.tracking import request_id
 from services.vlm_gateway.upstream.health import ServerHealth
 from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.upstream.pool import Pool, Server
@@ -67,6 +68,8 @@ class Endpoint:
         head = b"POST %s HTTP/1.1\r\n%s\r\ncontent-length: %d" % (path.encode(), self._lines, sum(map(len, body)))
         if trace is not None:
             head += b"\r\ntraceparent: " + trace
+        if asked_by := request_id.get():
+            head += b"\r\nx-request-id: " + asked_by
         return [head + b"\r\n\r\n", *body]
 
     def get(self, route: str) -> list[Buffer]:

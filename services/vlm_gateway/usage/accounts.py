@@ -37,7 +37,7 @@ def estimated(text_bytes: int, pictures: int, limit: int | None) -> Spent:
 
 
 class Bill:
-    """Settled once; what comes after that changes nothing."""
+    """Settled once; what comes after that changes nothing. `asked` is set when the request goes to the server."""
 
     __slots__ = ("_accounts", "_key", "_model", "_open", "_reservation", "asked", "estimate")
 
@@ -62,10 +62,6 @@ class Bill:
             self._open = False
             self._key.settle(tokens, 0)
             raise
-
-    def model_asked(self) -> None:
-        """The request is on its way to the model's server."""
-        self.asked = True
 
     def settle(self, used: Spent) -> None:
         if not self._open:
