@@ -27,7 +27,7 @@ RUN if [ -n "${packages}" ]; then apt-get update -qq \
     && apt-get install -y -qq --no-install-recommends ${packages} \
     && rm -rf /var/lib/apt/lists/*; fi
 RUN useradd --uid 10001 --no-create-home --shell /usr/sbin/nologin drone \
-    && install -d -o drone -g drone /data
+    && install -d -o drone -g drone /data /data/runs
 COPY --from=build /opt/venv /opt/venv
 ARG service
 ENV PATH=/opt/venv/bin:${PATH} SERVICE=${service} HOST=0.0.0.0 HOME=/tmp \
