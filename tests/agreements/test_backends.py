@@ -25,7 +25,7 @@ from services.vlm_gateway.backends.base import (
     Reply,
 )
 from services.vlm_gateway.backends.embedded import EmbeddedBackend
-from services.vlm_gateway.backends.oracle import OracleBackend
+from services.vlm_gateway.backends.oracle import OracleBackend, asked_vehicle
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.embedded.model import EmbeddedModel
@@ -94,6 +94,12 @@ def by_schema() -> Behaviour:
         return await says(json.dumps(answers[form]))(request, body)
 
     return behave
+
+
+@pytest.fixture(autouse=True)
+def about_e1() -> None:
+    """The oracle is told whose pictures these are; the others never look."""
+    asked_vehicle.set("e1")
 
 
 @pytest.fixture(params=["embedded", "chat", "oracle", "scripted"])

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from contracts.geometry import PointLabel
-from contracts.vlm_gateway import Match
+from contracts.vlm_gateway import MAX_MATCHES, Match
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.admission import Admission
 from services.vlm_gateway.backends.base import (
@@ -33,7 +34,8 @@ from services.vlm_gateway.embedded.words import OutOfVocabulary
 from services.vlm_gateway.errors import ModelTimeout
 
 T = TypeVar("T")
-MAX_MATCHES = 25
+TRAINED_PITCH_DEG = 30.0
+"""Nothing was learnt of how things look from far below or above: such views are passed over."""
 
 
 class PixelModel(Protocol):
@@ -60,14 +62,21 @@ class PixelModel(Protocol):
 
 
 class JpegShot:
-    """A picture as it came, decoded when a model wants its pixels; the file's hash is its key."""
+    """A picture as it came, decoded when a model wants its pixels; the file's hash and the focal length are its key."""
 
-    def __init__(self, picture: Picture) -> None:
+    def __init__(self, picture: Picture, camera: Camera | None = None) -> None:
         self._picture = picture
+        self._camera = camera
 
     @cached_property
     def key(self) -> Hashable:
-        return hashlib.blake2b(self._picture.jpeg, digest_size=16).digest()
+        return hashlib.blake2b(self._picture.jpeg, digest_size=16).digest(), self.focal_px
+
+    @property
+    def focal_px(self) -> float | None:
+        """In pixels of the picture, which may have another size than the camera's own."""
+        camera = self._camera
+        return None if camera is None else camera.fx_px * self._picture.width / camera.width
 
     def rgb(self) -> NDArray[np.uint8]:
         """Raises BadQuestion."""
@@ -129,26 +138,27 @@ class EmbeddedBackend:
             raise ModelTimeout(message, details={"model": self._alias, "timeout_s": self._timeout_s}) from None
 
     def _count_floors(self, ask: FloorsAsk) -> Reply[Floors]:
-        seen = self._model.count_floors(JpegShot(ask.picture))
+        seen = self._model.count_floors(JpegShot(ask.picture, ask.camera))
         return Reply("answered", Floors(seen.count, tuple(seen.rows)))
 
     def _find_building(self, ask: BuildingAsk) -> Reply[Building]:
-        seen = self._model.building_box(JpegShot(ask.picture))
+        seen = self._model.building_box(JpegShot(ask.picture, ask.camera))
         return Reply("answered", Building(None if seen is None else seen.box))
 
     def _find_object(self, ask: ObjectAsk) -> Reply[Sightings]:
+        views = [view for view in ask.views if abs(view.camera.pitch_deg) <= TRAINED_PITCH_DEG]
         try:
-            found = self._model.find_object([JpegShot(view.picture) for view in ask.views], ask.phrase)
+            found = self._model.find_object([JpegShot(view.picture, view.camera) for view in views], ask.phrase)
         except OutOfVocabulary as error:
             return Reply("refused", text=str(error))
         best_first = sorted(found.sightings, key=lambda sighting: -sighting.confidence)[:MAX_MATCHES]
         matches = (
-            Match(camera=ask.views[s.view_index].camera.name, box=s.box, confidence=s.confidence) for s in best_first
+            Match(camera=views[s.view_index].camera.name, box=s.box, confidence=s.confidence) for s in best_first
         )
         return Reply("answered", Sightings(tuple(matches), found.claim))
 
     def _choose_direction(self, ask: DirectionAsk) -> Reply[Direction]:
-        return Reply("answered", Direction(self._model.choose_direction(JpegShot(ask.picture), ask.points)))
+        return Reply("answered", Direction(self._model.choose_direction(JpegShot(ask.picture, ask.camera), ask.points)))
 
 
 def pixels(picture: Picture) -> NDArray[np.uint8]:

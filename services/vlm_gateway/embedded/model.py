@@ -25,6 +25,10 @@ Floats = NDArray[np.float32]
 REMEMBERED = 40
 """Pictures: eight looks of five views, about a megabyte each look."""
 STEP_PX = 32
+TRAINED_FOCAL = 0.5
+"""Focal length of the pictures trained on, in picture widths: 90 degrees across."""
+MOST_SIDES = 3
+"""Sides of a picture that is worked on, in trained ones: a long lens has detail that was never trained on."""
 SMALLEST_BOX = 0.002
 OVERLAP = 0.5
 WAY_FOR_WIDTH_M = 20.0
@@ -132,7 +136,7 @@ class EmbeddedModel:
         """Each picture through what it has not been through yet, all of them in one batch."""
         known = {shot.key: self._recent.get(shot.key) for shot in shots}
         fresh = {shot.key: shot for shot in shots if (s := known[shot.key]) is None or (named and s.names is None)}
-        sheets = {key: sheet(shot.rgb(), self.exported.picture_px) for key, shot in fresh.items()}
+        sheets = {key: self._sheet(shot) for key, shot in fresh.items()}
         unseen = [key for key in fresh if known[key] is None]
         for shape in {sheets[key].pixels.shape for key in unseen}:
             alike = [key for key in unseen if sheets[key].pixels.shape == shape]
@@ -146,6 +150,15 @@ class EmbeddedModel:
         for key in fresh:
             self._recent.put(key, seen[key])
         return [seen[shot.key] for shot in shots]
+
+    def _sheet(self, shot: Shot) -> Sheet:
+        """The picture with as many pixels a degree as those that the model was trained on; one of an unknown camera as
+        if it were of theirs."""
+        rgb, trained_px = shot.rgb(), self.exported.picture_px
+        if shot.focal_px is None:
+            return sheet(rgb, trained_px)
+        side_px = round(max(rgb.shape[:2]) * trained_px * TRAINED_FOCAL / shot.focal_px)
+        return sheet(rgb, min(max(side_px, STEP_PX), MOST_SIDES * trained_px))
 
     def _proposed(self, picture: Sheet, maps: Maps, at: int) -> Seen:
         say = self.exported.proposing

@@ -14,10 +14,14 @@ Picture = NDArray[np.uint8]
 
 
 class Shot(Protocol):
-    """One picture. `key` is the same for the same picture and for no other; pixels are decoded when they are needed."""
+    """One picture. `key` is the same for the same picture and for no other; pixels are decoded when they are needed.
+    `focal_px`: of the camera that took it, None where that is not known."""
 
     @property
     def key(self) -> Hashable: ...
+
+    @property
+    def focal_px(self) -> float | None: ...
 
     def rgb(self) -> Picture: ...
 
@@ -27,6 +31,7 @@ class Still:
     """Pixels that are at hand already; a picture of its own, whatever it shows."""
 
     pixels: Picture
+    focal_px: float | None = None
 
     @property
     def key(self) -> Hashable:

@@ -110,6 +110,14 @@ async def test_sightings_name_their_camera_the_surest_first(make: Make) -> None:
     assert [match.camera for match in reply.content.matches] == ["front-right", "left"]
 
 
+async def test_a_view_of_the_sky_is_passed_over(make: Make) -> None:
+    up = square(0).model_copy(update={"name": "up", "pitch_deg": 90.0})
+    views = (AskedView(up, shaded(250, 250, 250)), AskedView(square(45), shaded(250, 250, 250)))
+    reply = await make().find_object(ObjectAsk("green pot", views))
+    assert reply.content is not None
+    assert [match.camera for match in reply.content.matches] == ["front-right"]
+
+
 async def test_what_is_less_sure_than_a_claim_comes_as_a_candidate_and_is_not_found(make: Make, serve: Serve) -> None:
     url = serve(build({"e": make()}).app)
     answers = []

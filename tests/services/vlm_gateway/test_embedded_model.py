@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -30,6 +31,10 @@ class Counted:
     @property
     def key(self) -> str:
         return self._key
+
+    @property
+    def focal_px(self) -> float | None:
+        return None
 
     def rgb(self) -> Picture:
         self.decoded += 1
@@ -66,6 +71,19 @@ def test_the_thing_of_that_class_and_colour_is_found_among_its_like(
     found = model.find_object([Still(street(CROWD))], f"the {colour} {kind}")
     assert [s.confidence >= found.claim for s in found.sightings] == [True]
     np.testing.assert_allclose(edges(found.sightings[0].box), box_at(*place), atol=0.02)
+
+
+def test_a_wider_picture_is_looked_at_with_as_many_pixels_a_degree(model: EmbeddedModel) -> None:
+    """The same street in the left half of a picture with the same focal length, half its size in pixels."""
+    crowd = street(CROWD)
+    height, width = crowd.shape[:2]
+    wide = cv2.copyMakeBorder(crowd, 0, 0, 0, width, cv2.BORDER_REPLICATE)
+    half = np.asarray(cv2.resize(wide, (width, height // 2), interpolation=cv2.INTER_AREA), np.uint8)
+    (usual,) = model.find_object([Still(crowd, width / 2)], "red plate").sightings
+    (seen,) = model.find_object([Still(half, width / 4)], "red plate").sightings
+    assert seen.box.x_min == pytest.approx(usual.box.x_min / 2, abs=0.02)
+    assert seen.box.x_max == pytest.approx(usual.box.x_max / 2, abs=0.02)
+    assert seen.box.y_max == pytest.approx(usual.box.y_max, abs=0.03)
 
 
 def test_without_a_colour_all_of_the_class_are_meant_and_a_synonym_is_as_good(model: EmbeddedModel) -> None:
