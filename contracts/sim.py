@@ -19,6 +19,8 @@ from contracts.scene import Scene
 from contracts.vehicle import VehicleState
 
 Renderer = Literal["moderngl", "tiny"]
+SUCCESS_RADIUS_M = 3.0
+"""How near to its window's centre a delivery ends."""
 
 
 class Flight(Wire):

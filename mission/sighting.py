@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contracts.geometry import Box, Point3
 from contracts.geometry import Pose as WirePose
@@ -14,8 +13,10 @@ from mission.looks import Look, Sight
 from mission.places import distance_m
 from mission.stages import Extent
 from mission.state import Dismissed
+from navigation import target
 from navigation.camera import Pose, pixel_place, pixels_of
 
+TARGET = target.TargetParameters()
 MAX_SIGHTING_M = 25.0
 SAME_FLOOR = 0.75
 FACADE_SAMPLES = 24
@@ -60,18 +61,16 @@ def _holds(dismissed: Dismissed, pose: WirePose, confidence: float, *, claimable
 def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float) -> Sighting:
     """Judges a match by the depth in its box.
 
-    The place is the middle of the box at the median depth of the box's inner half. It must have depth, lie within
+    The place is worked out where the approach works it out, in `navigation.target`. It must have depth, lie within
     `MAX_SIGHTING_M`, and within `SAME_FLOOR` floors of `floor_z`, the middle of the floor that was asked for (metres).
     """
-    box = match.box
-    depth_m = _median_depth_m(sight.depth_m, box)
-    if depth_m is None:
+    box = target.Box(match.box.x_min, match.box.y_min, match.box.x_max, match.box.y_max)
+    depth_m = target.box_depth_m(sight.seen, box, TARGET)
+    at = target.box_place(sight.seen, box, _pose(sight), TARGET)
+    if depth_m is None or at is None:
         return Sighting(match, None, None, None, "no depth in its box")
     camera = sight.camera
     width, height = camera.width, camera.height
-    at = pixel_place(
-        camera, (box.x_min + box.x_max) / 2 * width, (box.y_min + box.y_max) / 2 * height, depth_m, _pose(sight)
-    )
     extent = Extent(
         (box.x_max - box.x_min) * width * depth_m / camera.fx_px,
         (box.y_max - box.y_min) * height * depth_m / camera.fy_px,
@@ -120,18 +119,6 @@ def facade_returns(sights: Sequence[Sight]) -> list[tuple[float, float]]:
                 at = pixel_place(camera, column + 0.5, camera.cy_px, depth, _pose(sight))
                 points.append((round(at.x, 2), round(at.y, 2)))
     return points
-
-
-def _median_depth_m(depth_m: NDArray[np.float32], box: Box) -> float | None:
-    height, width = depth_m.shape
-    x_quarter, y_quarter = (box.x_max - box.x_min) / 4, (box.y_max - box.y_min) / 4
-    left = min(int((box.x_min + x_quarter) * width), width - 1)
-    top = min(int((box.y_min + y_quarter) * height), height - 1)
-    right = max(left + 1, math.ceil((box.x_max - x_quarter) * width))
-    bottom = max(top + 1, math.ceil((box.y_max - y_quarter) * height))
-    inner = depth_m[top:bottom, left:right]
-    valid = inner[np.isfinite(inner) & (inner > 0.0)]
-    return float(np.median(valid)) if valid.size else None
 
 
 def _pose(sight: Sight) -> Pose:

@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from navigation.polygon import inside
+
 Xy = tuple[float, float]
 Polygon = Sequence[Xy]
 
@@ -149,15 +151,10 @@ class VisibilityGraph:
         return clear & ~self._inside(points)
 
     def _inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        inside = np.zeros(len(points), bool)
+        found = np.zeros(len(points), bool)
         for outline in self._outlines:
-            a, b = outline, np.roll(outline, -1, axis=0)
-            y = points[:, 1:2]
-            straddles = (a[:, 1] > y) != (b[:, 1] > y)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                x = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-            inside |= (straddles & (points[:, 0:1] < x)).sum(axis=1) % 2 == 1
-        return inside
+            found |= inside(points, outline)
+        return found
 
     def _clear_legs(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(M,) does each leg, whose ends are clear, keep the clearance from every edge?"""

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from contracts.orchestrator import DeliveryResult
+from contracts.sim import SUCCESS_RADIUS_M
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.proportion import Proportion, share
 
-SUCCESS_RADIUS_M = 3.0
 CURVE_RADII_M = (2.0, 3.0, 5.0, 7.0, 10.0)
 
 

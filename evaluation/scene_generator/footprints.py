@@ -9,6 +9,7 @@ from typing import Literal
 
 from contracts.geometry import Point2
 from evaluation.scene_generator.scene_plan import Difficulty, FootprintSpec
+from navigation.polygon import inside
 
 Corner = tuple[float, float]
 
@@ -69,7 +70,7 @@ def difficulty_of(corners: int) -> Difficulty:
 
 def distance_to_outline(point: Corner, corners: tuple[Corner, ...]) -> float:
     """Metres from a point to the plan's walls; 0 inside."""
-    if _inside(point, corners):
+    if inside([point], corners)[0]:
         return 0.0
     return min(_to_segment(point, a, b) for a, b in zip(corners, corners[1:] + corners[:1], strict=True))
 
@@ -98,11 +99,3 @@ def _to_segment(p: Corner, a: Corner, b: Corner) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
     t = max(0.0, min(1.0, ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy)))
     return math.hypot(p[0] - a[0] - t * dx, p[1] - a[1] - t * dy)
-
-
-def _inside(p: Corner, corners: tuple[Corner, ...]) -> bool:
-    inside = False
-    for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
-        if (ay > p[1]) != (by > p[1]) and p[0] < ax + (p[1] - ay) * (bx - ax) / (by - ay):
-            inside = not inside
-    return inside

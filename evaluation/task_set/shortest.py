@@ -8,11 +8,11 @@ from typing import Literal, NamedTuple
 from contracts.geometry import Point3
 from contracts.scene import Scene, WindowPlace
 from contracts.scene_layout import WindowSlot, floor_outline, window_slot
+from contracts.sim import SUCCESS_RADIUS_M
 from navigation.shortest_path import NoWay, Route, VisibilityGraph
 
 CLEARANCES_M = (0.8, 1.3, 1.8, 2.4)
 """Tried in turn until a flight proves the way free: balconies and eaves jut out of the footprint."""
-SUCCESS_RADIUS_M = 3.0
 _INSIDE_M = 0.05
 _FAN_DEG = range(-60, 61, 5)
 

@@ -121,19 +121,21 @@ def _ranges(view: DepthView, below_m: float, above_m: float) -> tuple[Floats, Fl
 
 
 def _from_centre(camera: Camera, ranges_m: Floats, bearing_deg: Floats) -> tuple[Floats, Floats]:
-    """What a camera beside the drone's centre saw, by range and bearing from that centre; a bin that parallax leaves
-    without a return keeps that of its own bearing, which lies beside it."""
-    turn = np.deg2rad(bearing_deg)
-    hit = np.isfinite(ranges_m)
-    ahead, aside = ranges_m * np.cos(turn) + camera.forward_m, ranges_m * np.sin(turn) + camera.right_m
+    """What a camera beside the drone's centre saw, by range and bearing from that centre. Bins take the nearest of the
+    returns that fall into them; a bin that parallax leaves empty takes the return beside it."""
+    hits = np.flatnonzero(np.isfinite(ranges_m))
     ranges, bearings = ranges_m.copy(), bearing_deg.copy()
-    ranges[hit] = np.hypot(ahead, aside)[hit]
-    moved = np.degrees(np.arctan2(aside[hit], ahead[hit]))
+    if not len(hits):
+        return ranges, bearings
+    turn, found = np.deg2rad(bearing_deg[hits]), ranges_m[hits]
+    ahead, aside = found * np.cos(turn) + camera.forward_m, found * np.sin(turn) + camera.right_m
+    away, moved = np.hypot(ahead, aside), np.degrees(np.arctan2(aside, ahead))
+    beside = np.abs(moved[None, :] - bin_bearings_deg()[hits][:, None]).argmin(axis=1)
+    ranges[hits], bearings[hits] = away[beside], moved[beside]
     bins = np.floor((moved + REACH_DEG) / BIN_DEG).astype(np.intp)
-    inside = (bins >= 0) & (bins < BINS)
-    for index, bearing, range_m in zip(bins[inside], moved[inside], ranges[hit][inside], strict=True):
-        if not ranges[index] <= range_m:
-            ranges[index], bearings[index] = range_m, bearing
+    for at in np.argsort(-away, kind="stable"):  # the nearest is written last
+        if 0 <= bins[at] < BINS:
+            ranges[bins[at]], bearings[bins[at]] = away[at], moved[at]
     return ranges, bearings
 
 

@@ -11,10 +11,10 @@ from typing import NamedTuple, Protocol
 from contracts.geometry import Pose
 from contracts.scene import Scene, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, window_slot, window_slots
+from contracts.sim import SUCCESS_RADIUS_M
 from services.sim.kinematics import Vector
 from services.sim.world import Hit
 
-SUCCESS_RADIUS_M = 3.0
 ON_THE_OBJECT_M = 0.75
 """A claimed place this near to the goal object's middle means the object, whatever window it hangs closer to."""
 _BEFORE_THE_PANE_M = 0.03

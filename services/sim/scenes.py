@@ -14,6 +14,7 @@ import numpy as np
 
 from contracts.scene import Building, Scene, WindowPlace
 from contracts.scene_layout import columns_of, floor_outline, wall_height_m, window_slot
+from navigation.polygon import inside
 from service_kit.errors import BadQuestion
 from services.sim.geometry.scene_mesh import SceneMesh, UnknownObject
 from services.sim.judge import Thing
@@ -130,13 +131,7 @@ def _windows_of(building: Building) -> int:
 
 def _inside(x: float, y: float, building: Building, z: float) -> bool:
     floor = min(building.floors, max(1, math.floor(z / building.floor_height_m) + 1))
-    outline = floor_outline(building, floor)
-    inside = False
-    for i, (ax, ay) in enumerate(outline):
-        bx, by = outline[(i + 1) % len(outline)]
-        if (ay > y) != (by > y) and x < ax + (y - ay) / (by - ay) * (bx - ax):
-            inside = not inside
-    return inside
+    return bool(inside([(x, y)], floor_outline(building, floor))[0])
 
 
 def _things(scene: Scene, mesh: SceneMesh) -> dict[str, Thing]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navigation.camera import Camera, Depth, DepthView, Pose, column_slopes, direction, eye_of, pinhole
+from navigation.polygon import inside
 
 HEADINGS = (-90, -45, 0, 45, 90)
 
@@ -124,9 +125,4 @@ def _ray_to_segment(
 
 
 def _inside(outline: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.bool_]:
-    inside = np.zeros(points.shape[:-1], bool)
-    x, y = points[..., 0], points[..., 1]
-    for a, b in zip(outline, np.roll(outline, -1, axis=0), strict=True):
-        if a[1] != b[1]:
-            inside ^= ((a[1] > y) != (b[1] > y)) & (x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
-    return inside
+    return inside(points, outline).reshape(points.shape[:-1])

@@ -57,7 +57,7 @@ def test_the_thing_is_measured_and_not_the_wall_that_shows_beside_it() -> None:
     pose = Pose(1.0, -9.0, 8.3, NORTH)
     view = World([WALL, POT]).views(pose, CAMERA)[0]
     wide = _box(pose, 0, Place(0.5, -0.3, 7.8), Place(1.5, -0.3, 8.8))
-    place = box_place(view, wide, pose, TargetParameters(inner_share=1.0, foreground_percentile=25.0))
+    place = box_place(view, wide, pose, TargetParameters(inner_share=1.0, depth_percentile=25.0))
     assert place is not None
     assert place.y == pytest.approx(-0.3, abs=0.01)
 

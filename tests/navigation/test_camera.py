@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 from navigation.camera import (
+    Camera,
     DepthView,
     Pose,
     bearing_deg,
     column_slopes,
     direction,
+    fewest,
     move_pose,
     pinhole,
     pixel_place,
+    pixels_of,
     planar_to_distance_m,
     row_slopes,
+    seen_aside_deg,
     wrap_radians,
 )
 from navigation.point_cloud import cloud, nearby_cloud, nearest_of_blocks, to_enu
@@ -126,3 +130,35 @@ def test_angles_wrap_into_one_turn() -> None:
     assert wrap_radians(3 * math.pi) == pytest.approx(math.pi)
     assert wrap_radians(-math.pi) == pytest.approx(math.pi)
     assert wrap_radians(math.tau + 0.25) == pytest.approx(0.25)
+
+
+ODD = Camera(120, 80, 70.0, 65.0, 55.0, 47.0, heading_deg=35.0, pitch_deg=-20.0, forward_m=0.3, right_m=-0.2, up_m=0.1)
+
+
+@pytest.mark.parametrize("camera", [ODD, ODD._replace(pitch_deg=90.0, heading_deg=0.0), ODD._replace(pitch_deg=0.0)])
+def test_a_place_is_seen_in_the_pixel_whose_place_it_is_whatever_the_lens_and_the_mounting(camera: Camera) -> None:
+    pose = Pose(3.0, -2.0, 7.0, 2.2)
+    place = pixel_place(camera, 100.5, 12.5, 9.0, pose)
+    seen = pixels_of(camera, pose, np.array([place]))
+    assert (seen.x_px[0], seen.y_px[0], seen.depth_m[0]) == pytest.approx((100.5, 12.5, 9.0))
+    depth = np.full((80, 120), np.inf, np.float32)
+    depth[12, 100] = 9.0
+    np.testing.assert_allclose(to_enu(cloud(DepthView(camera, depth)), pose), [place], atol=1e-4)
+
+
+def test_what_hangs_over_the_drone_is_near_for_a_camera_that_looks_up() -> None:
+    up = pinhole(40, 40, 90.0)._replace(pitch_deg=90.0)
+    slab = DepthView(up, np.full((40, 40), 1.2, np.float32))
+    points = nearby_cloud((slab,), 10.0, 1.85)
+    assert len(points) == 1600
+    np.testing.assert_allclose(points[:, 2], 1.2, atol=1e-5)
+    assert not len(nearby_cloud((slab,), 10.0, 1.0))
+
+
+def test_of_five_cameras_three_see_all_that_the_five_see() -> None:
+    five = [pinhole(80, 80, 90.0, heading) for heading in (-90.0, -45.0, 0.0, 45.0, 90.0)]
+    up = pinhole(80, 80, 90.0)._replace(pitch_deg=90.0)
+    assert [camera.heading_deg for camera in fewest([*five, up])] == [-90.0, 0.0, 90.0]
+    assert seen_aside_deg([*five, up]) == pytest.approx(135.0)
+    assert seen_aside_deg([five[0], five[-1]]) == pytest.approx(0.0, abs=1e-9)
+    assert seen_aside_deg([five[0], five[2]]) == pytest.approx(45.0)

@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from navigation.polygon import inside
 from services.sim.geometry.mesh import Colour, Mesh
 from services.sim.geometry.solids import quad
 
@@ -83,7 +84,8 @@ def rectangles(plan: Plan) -> list[Rectangle]:
     if (np.minimum(np.abs(step[:, 0]), np.abs(step[:, 1])) > 1e-3).any():
         return []
     xs, ys = (np.unique(np.round(local[:, k], 4)) for k in (0, 1))
-    cells = np.array([[_inside((a + b) / 2, (c + d) / 2, local) for c, d in pairwise(ys)] for a, b in pairwise(xs)])
+    middles = [((a + b) / 2, (c + d) / 2) for a, b in pairwise(xs) for c, d in pairwise(ys)]
+    cells = inside(middles, local).reshape(len(xs) - 1, len(ys) - 1)
     full = [
         (i, j, k, m)
         for i in range(len(xs) - 1)
@@ -104,10 +106,3 @@ def rectangles(plan: Plan) -> list[Rectangle]:
         along = turn[0] if size[0] >= size[1] else turn[1]
         found.append(Rectangle(middle, along, float(max(size)), float(min(size))))
     return found
-
-
-def _inside(x: float, y: float, ring: Plan) -> bool:
-    a, b = ring, np.roll(ring, -1, axis=0)
-    rows = (a[:, 1] > y) != (b[:, 1] > y)
-    at = a[rows, 0] + (y - a[rows, 1]) / (b[rows, 1] - a[rows, 1]) * (b[rows, 0] - a[rows, 0])
-    return bool((x < at).sum() % 2)

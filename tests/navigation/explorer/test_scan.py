@@ -72,3 +72,28 @@ def test_tiny_pictures_are_read_as_well(shape: tuple[int, int]) -> None:
     views = [DepthView(pinhole(shape[1], shape[0], 90.0, heading), depth) for heading in (-90, 0, 90)]
     assert len(level_ranges_m(views[1], 0.5, 0.5)) == shape[1]
     assert len(panorama(views, HERE, 0.5, 1.2).range_m) == BINS
+
+
+def test_three_wide_views_make_the_panorama_that_five_square_ones_make() -> None:
+    world = World([Prism(rectangle(3, 12, 9, 5)), Prism(rectangle(-14, 2, 6, 6))])
+    five = panorama(list(world.views(HERE, CAMERA).values()), HERE, 0.5, 1.2)
+    wide = [world.view(HERE, pinhole(640, 360, 120.0, heading)) for heading in (-90.0, 0.0, 90.0)]
+    three = panorama(wide, HERE, 0.5, 1.2)
+    both = np.isfinite(five.range_m) & np.isfinite(three.range_m)
+    assert (np.isfinite(five.range_m) == np.isfinite(three.range_m)).mean() > 0.98
+    assert (np.abs(five.range_m[both] - three.range_m[both]) < 0.1).mean() > 0.97
+    assert np.isinf(three.range_m).any()
+
+
+def test_a_camera_before_the_drones_centre_gives_ranges_from_that_centre() -> None:
+    """A wall 8 m ahead of the centre is 7.5 m ahead of a camera half a metre before it, and higher up the band ends
+    sooner: a slab 1.1 m over the centre is 0.3 m over a camera that sits 0.8 m up."""
+    world = World([Prism(rectangle(0, 9, 40, 2))])
+    camera = pinhole(320, 240, 90.0)._replace(forward_m=0.5, right_m=0.2)
+    scan = panorama([world.view(HERE, camera)], HERE, 0.5, 1.2)
+    ahead = np.abs(scan.bearing_deg) < 30.0
+    np.testing.assert_allclose(scan.range_m[ahead], 8.0 / np.cos(np.deg2rad(scan.bearing_deg[ahead])), rtol=0.01)
+    slab = World([Prism(rectangle(0, 9, 40, 2), HERE.z + 1.1, HERE.z + 1.3)])
+    raised = panorama([slab.view(HERE, camera._replace(up_m=0.8))], HERE, 0.5, 1.2)
+    assert np.isinf(raised.range_m[BINS // 2])
+    assert raised.body_m[BINS // 2] == pytest.approx(8.0, rel=0.02)
