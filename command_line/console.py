@@ -2,7 +2,8 @@
 
 import asyncio
 import signal
-from collections.abc import Coroutine
+from collections.abc import Coroutine, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, NoReturn, Self, TypeVar
 
@@ -31,6 +32,15 @@ class Redrawn:
     ) -> None:
         self._drawing.stop()
 
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """Leaves the terminal to somebody else meanwhile."""
+        self._drawing.stop()
+        try:
+            yield
+        finally:
+            self._drawing.start()
+
 
 class Printed:
     """A view of lines that stay: for pipes, logs and CI. Entered as the other kind is, it holds nothing."""
@@ -42,6 +52,11 @@ class Printed:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         return None
+
+    @contextmanager
+    def paused(self) -> Iterator[None]:
+        """As the other kind: it holds nothing."""
+        yield
 
 
 def bar(console: Console) -> Progress:

@@ -3,7 +3,9 @@
 import asyncio
 import contextlib
 import json
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -16,8 +18,9 @@ from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem
 from command_line.delivery_view import LiveView, PlainView, print_result
 from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import CannotFly, check_flight
+from command_line.terminal_customer import TerminalCustomer
 from contracts.cameras import DEFAULT_RIG
-from contracts.orchestrator import DeliveryQuestion, DeliveryResult
+from contracts.orchestrator import CustomerAnswer, DeliveryQuestion, DeliveryResult
 from contracts.scene import Scene
 from launcher.processes import (
     CannotStart,
@@ -27,6 +30,7 @@ from launcher.processes import (
     parse_addresses,
 )
 from mission.clients import Services
+from mission.customer import AnsweredBeforehand
 from orchestrator.delivery import BadDelivery, Order, Run
 from service_kit.addresses import FLIGHT_SERVICES, Addresses
 from service_kit.connections import Connections, Tokens
@@ -54,10 +58,15 @@ def deliver(
     services: Annotated[
         str | None, typer.Option(help="Running services: name=url,..., or `default`; else own ones are started.")
     ] = None,
+    answer: Annotated[
+        list[str] | None,
+        typer.Option(help="An answer to what the request leaves open, given beforehand; repeat it for more questions."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly one delivery and show it live. Ends with code 0 only when it was delivered, or stopped in
-    front of a window that nobody judges."""
+    front of a window that nobody judges. What the request leaves open is asked on a terminal; with --json or without a
+    terminal only `--answer` answers."""
     try:
         settings = mission_settings(
             viewpoint=viewpoint,
@@ -79,6 +88,7 @@ def deliver(
             settings=settings,
         )
         order = Order(question)
+        answers = [CustomerAnswer(text=text).text.strip() for text in answer or ()]
         at = parse_addresses(services) if services else None
         tokens = Connections.read(process_environment()).tokens
     except ValidationError as error:
@@ -87,7 +97,9 @@ def deliver(
         stop(str(error), WRONG_INPUT)
     console = Console(stderr=as_json)
     try:
-        run, result = asyncio.run(interruptible(_deliver(order, out, backend, at, tokens, console, live=not as_json)))
+        run, result = asyncio.run(
+            interruptible(_deliver(order, answers, out, backend, at, tokens, console, live=not as_json))
+        )
     except CannotFly as error:
         stop(str(error), WRONG_INPUT)
     except CannotStart as error:
@@ -108,7 +120,15 @@ def deliver(
 
 
 async def _deliver(
-    order: Order, out: Path, backend: str, at: Addresses | None, tokens: Tokens, console: Console, *, live: bool
+    order: Order,
+    answers: Sequence[str],
+    out: Path,
+    backend: str,
+    at: Addresses | None,
+    tokens: Tokens,
+    console: Console,
+    *,
+    live: bool,
 ) -> tuple[Run, DeliveryResult]:
     """Starts what is needed, flies, stops what was started. Cancelling it ends the flight, not the record. Raises
     CannotFly, CannotStart, OSError."""
@@ -126,7 +146,9 @@ async def _deliver(
         clients = await stack.enter_async_context(Services(at, tokens))
         await check_flight(clients, backend)
         run = Run(order, out, listener=view.show)
-        return run, await run.fly(clients.simulated())
+        asked = TerminalCustomer(console, view) if terminal and sys.stdin.isatty() else None
+        customer = AnsweredBeforehand(answers, asked) if answers or asked else None
+        return run, await run.fly(clients.simulated(), customer)
 
 
 def read_scene(path: Path) -> Scene:

@@ -33,6 +33,8 @@ PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
 MOST_LINES, FEWEST_LINES, OTHER_LINES = 16, 4, 18
 STYLES = {
     "parsed": "cyan",
+    "question": "bold yellow",
+    "answer": "bold yellow",
     "floor_count": "cyan",
     "building_box": "cyan",
     "look": "yellow",

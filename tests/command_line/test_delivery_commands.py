@@ -31,6 +31,8 @@ RUNNER = CliRunner()
             "contour has no setting choice",
         ),
         (["deliver", "--sample", "green-flower-pot", "--max-steps", "0"], "max-steps"),
+        (["deliver", "--sample", "green-flower-pot", "--answer", " "], "text"),
+        (["deliver", "--sample", "green-flower-pot", "--answer", "x" * 1001], "text"),
         (["serve", "kitchen"], "there is no service 'kitchen'"),
     ],
 )
