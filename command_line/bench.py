@@ -18,6 +18,7 @@ from command_line import mission_options
 from command_line.bench_progress import LiveProgress, PlainProgress
 from command_line.bench_summary import print_summary
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
+from command_line.labelled_requests import score_requests
 from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import stop_without_model
 from command_line.subtask import ask_alone
@@ -77,6 +78,10 @@ def bench(
     recording: Annotated[Path | None, typer.Option(help="The file in which answers are kept, for --cache.")] = None,
     episode_s: Annotated[float, typer.Option(min=1, max=86_400, help="An episode takes no longer.")] = 900.0,
     subtask: Annotated[Subtask | None, typer.Option(help="Fly nothing; ask one model role alone.")] = None,
+    requests: Annotated[
+        list[Path] | None,
+        typer.Option(help="Of the subtask parse: labelled requests (JSON lines) instead of a task set; repeatable."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly a task set and print the figures. A run that was interrupted or killed goes on with the same command."""
@@ -93,6 +98,13 @@ def bench(
         stop(f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT)
     if recording is not None and cache == "off":
         stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
+    if requests:
+        if subtask != "parse" or any(given is not None for given in (tasks, seed, count, limit)):
+            stop("--requests is for --subtask parse, and takes the place of a task set", WRONG_INPUT)
+        kept = _gateway(cache or ("on" if recording else "off"), recording, {})
+        cores = one_core_each(process_environment())
+        score_requests(requests, parser, workers or 1, cores, kept, console, out, as_json=as_json)
+        return
     try:
         chosen = _tasks(tasks, seed, count, console)
         chosen = without_objects(chosen) if absent else chosen

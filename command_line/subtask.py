@@ -72,7 +72,7 @@ def _examine(job: AskJob, tasks: Sequence[Task], workers: int, console: Console)
     """Raises CannotAsk; asyncio.CancelledError where it was interrupted."""
     began = time.perf_counter()
     title = f"{job.subtask}, {job.plan.backend}"
-    with _Bar(console, title, len(tasks)) if console.is_terminal else _Lines(console, title, len(tasks)) as progress:
+    with progress_of(console, title, len(tasks), "tasks") as progress:
         asked = asyncio.run(interruptible(ask_all(job, tasks, workers, progress.show)))
     return scored(job.subtask, job.plan, asked, time.perf_counter() - began)
 
@@ -113,6 +113,11 @@ def _cells(rate: Rate) -> tuple[str, str, str]:
     return f"{rate.k}/{rate.n}", f"{100 * rate.rate:.1f} %", f"[{100 * rate.low:.1f}, {100 * rate.high:.1f}]"
 
 
+def progress_of(console: Console, title: str, total: int, what: str) -> "_Bar | _Lines":
+    """A bar on a terminal, else a line now and then."""
+    return _Bar(console, title, total) if console.is_terminal else _Lines(console, title, total, what)
+
+
 class _Bar(Redrawn):
     """A bar that is redrawn in place."""
 
@@ -128,7 +133,8 @@ class _Bar(Redrawn):
 class _Lines(Printed):
     """One line at most every `LINE_EVERY_S`, and one at the end."""
 
-    def __init__(self, console: Console, title: str, total: int) -> None:
+    def __init__(self, console: Console, title: str, total: int, what: str) -> None:
+        self._what = what
         self._console = console
         self._title = title
         self._total = total
@@ -138,4 +144,4 @@ class _Lines(Printed):
         if time.monotonic() - self._said < LINE_EVERY_S and done < self._total:
             return
         self._said = time.monotonic()
-        self._console.print(f"{self._title}: {done}/{self._total} tasks", highlight=False, soft_wrap=True)
+        self._console.print(f"{self._title}: {done}/{self._total} {self._what}", highlight=False, soft_wrap=True)
