@@ -34,6 +34,7 @@ from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.oracle import asked_vehicle
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
+from services.vlm_gateway.further_routes import add_further_routes
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.calls import Models
 from services.vlm_gateway.hot.deadline import caller_left, stated_timeout_s, too_late
@@ -152,6 +153,8 @@ def build_app(
         request overrides that only answers at temperature 0 are cached."""
         # hot/server.py sends chats past here; the route is there for the API's description
         raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
+
+    add_further_routes(app, passed_on, gateway.accounts)
 
     def entry(alias: str) -> dict[str, object]:
         backend = gateway.backends[alias]

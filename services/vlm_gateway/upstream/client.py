@@ -128,14 +128,19 @@ class Upstream:
         return await self._admitted(wanted, once, patient=True)
 
     async def whole(
-        self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None], route: str = CHATS
+        self,
+        body: Sequence[Buffer],
+        trace: bytes | None,
+        sending: Callable[[], None],
+        route: str = CHATS,
+        api: Api = "openai",
     ) -> Answer:
-        """One whole reply to a chat in OpenAI's form; `sending` is told when the server is about to be asked. Raises as
-        `ask` does."""
+        """One whole reply to a chat in OpenAI's form, or on another route; `sending` is told when the server is about
+        to be asked. Raises as `ask` does."""
 
         async def once(attempt: Attempt) -> Answer:
             sending()
-            return await self._whole(attempt)
+            return await self._whole(attempt, api)
 
         return await self._admitted(Request(route, body, trace), once)
 

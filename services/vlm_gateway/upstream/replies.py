@@ -26,7 +26,7 @@ from services.vlm_gateway.errors import (
 )
 from services.vlm_gateway.upstream.error_forms import CONTEXT, DECLINED, error_inside, status_inside
 
-Api = Literal["openai", "ollama"]
+Api = Literal["openai", "ollama", "other"]
 
 _LOADING = {503: re.compile(r"\b(?:loading|starting|warming)\b", re.IGNORECASE)}
 _LOADING[500] = re.compile(r"\bloading (?:the )?model\b", re.IGNORECASE)
@@ -84,6 +84,8 @@ class ReplyReader:
             raise self.unreachable("the reply is no JSON object", "not_json")
         if (error := error_inside(reply)) is not None:
             raise self.error(error, said_in(headers))
+        if api == "other":  # no chat: whatever it is, it may say what it cost
+            return Said(None, None, tokens_of(reply.get("usage")))
         said = _ollama(reply) if api == "ollama" else _openai(reply)
         if said is None:
             raise self.unreachable("the reply is no chat completion", "no_completion")
@@ -216,7 +218,8 @@ def said_in(headers: Mapping[bytes, bytes]) -> dict[str, str]:
 def tokens_of(usage: object) -> Spent:
     """The counts in OpenAI's `usage`; 0 where there are none."""
     counts = usage if isinstance(usage, dict) else {}
-    return _tokens(counts.get("prompt_tokens"), counts.get("completion_tokens"))
+    prompt, completion = counts.get("prompt_tokens"), counts.get("completion_tokens")
+    return _tokens(counts.get("input_tokens") if prompt is None else prompt, completion or counts.get("output_tokens"))
 
 
 def retry_after_s(value: str | None) -> float | None:

@@ -165,7 +165,8 @@ class OpenAiMock:
 
     async def _serve(self) -> None:
         app = web.Application(client_max_size=64 * 1024 * 1024)
-        app.router.add_post("/v1/chat/completions", self._answer)
+        for route in ("chat/completions", "embeddings", "completions", "responses"):
+            app.router.add_post("/v1/" + route, self._answer)
         self._runner = web.AppRunner(app, shutdown_timeout=0.2, handler_cancellation=True)
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", self.port, reuse_address=True)
