@@ -36,6 +36,15 @@ Drift = Annotated[
     float, typer.Option(min=0, max=0.1, help="How far the reported pose strays per metre flown; 0.01 is 1 %.")
 ]
 Parser = Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")]
+GroundFloor = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=1,
+        help='How a plain "first floor" counts: 1, it is at street level, or 0, it is one up.',
+        show_default="as the parser is set up",
+    ),
+]
 MaxSteps = Annotated[int, typer.Option(min=1, max=200, help="Exploration steps at most.")]
 RigName = Annotated[
     str, typer.Option("--rig", help=f"The drone's cameras: {', '.join(rig_names())}, or a file (docs/rigs.md).")
@@ -60,6 +69,7 @@ def mission_settings(
     rig: str,
     image_size: int | None,
     seed: int,
+    ground_floor: int | None = None,
 ) -> MissionSettings:
     """The settings with the search policy named and complete. Raises ValueError for a policy that there is not, one
     that has no `choice`, or a rig that is none."""
@@ -70,6 +80,7 @@ def mission_settings(
         sightings=SightingSettings(policy=sightings),
         flight=Flight(drift=drift),
         parser_model=parser,
+        ground_floor=None if ground_floor is None else 1 if ground_floor else 0,
         max_exploration_steps=max_steps,
         rig=load_rig(rig),
         image_size=image_size,

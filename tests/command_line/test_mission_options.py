@@ -46,3 +46,21 @@ def test_the_explorer_offers_nothing_to_choose_from(viewpoint: str | None) -> No
 def test_a_policy_that_there_is_not_is_told_with_those_that_there_are() -> None:
     with pytest.raises(BadSearch, match="no search policy sideways; there are paper, random, default, contour"):
         settings("sideways")
+
+
+@pytest.mark.parametrize("given", [0, 1, None])
+def test_how_a_first_floor_counts_is_a_setting_of_the_mission(given: int | None) -> None:
+    made = mission_settings(
+        viewpoint=None,
+        choice=None,
+        floors="stepwise",
+        sightings="look-again",
+        drift=0.0,
+        parser=None,
+        max_steps=30,
+        image_size=None,
+        rig="paper-five",
+        seed=0,
+        ground_floor=given,
+    )
+    assert made.ground_floor == given

@@ -53,6 +53,7 @@ class BlockVehicle:
     def __init__(self, block: Block, name: str, rig: Rig, *, pace: float = 0.0, slow_s: float = 0.0) -> None:
         self.block = block
         self.looks = 0
+        self.holds = 0
         self.released = False
         self._rig = rig.scaled_to(SIZE)
         self._pace = pace
@@ -134,6 +135,7 @@ class BlockVehicle:
 
     async def hold(self) -> VehicleState:
         self._there()
+        self.holds += 1
         self._stopping = True
         for flight in self._flights.values():
             with suppress(asyncio.CancelledError):

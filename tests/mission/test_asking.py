@@ -3,6 +3,7 @@
 import asyncio
 import itertools
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 
 from contracts.llm_parser import ParseAnswer, ParseQuestion, Reasons, Relation
 from contracts.orchestrator import DeliveryResult, MissionSettings, OpenQuestion
@@ -13,7 +14,7 @@ from mission.policies import completed
 from mission.ports import Parser
 from mission.questions import left_open, question_of
 from mission.stage_actions.asking import MAX_QUESTIONS
-from mission.stages import Ended
+from mission.stages import Ended, NeedsAnswer
 from mission.state import MissionState, begin
 from mission.step import MissionContext
 from tests.mission.block_vehicle import BlockWorld
@@ -222,3 +223,21 @@ async def test_a_waiting_mission_can_be_cancelled() -> None:
     await asyncio.sleep(0.1)
     mission.cancel()
     assert (await mission).outcome == "cancelled"
+
+
+async def test_a_drone_in_the_air_holds_while_the_customer_is_asked() -> None:
+    world, log = BlockWorld(), Numbered()
+    context = context_of(world, SETTINGS, log)
+    state = begin(REQUEST, "m")
+    while state.drone is None or state.drone.moves < 2:
+        state = await advance(state, context)
+    question = OpenQuestion(topic="request", text="Which one?", answer_by=datetime.now(UTC) + timedelta(seconds=60))
+    end = Ended(outcome="request_incomplete", message="Which one?")
+    waiting = state.model_copy(update={"stage": NeedsAnswer(question=question, unanswered=end), "flight": None})
+    customer = AnsweredBeforehand(["floor 4"])
+    after = await advance(waiting, replace(context, customer=customer))
+    vehicle = next(iter(world.vehicles.values()))
+    assert vehicle.holds == 1
+    assert after.drone is not None
+    assert after.drone.moves == state.drone.moves
+    assert after.exchanges[0].answer == "floor 4"
