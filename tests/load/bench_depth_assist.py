@@ -80,7 +80,7 @@ def questions(size: int, noise_m: float) -> dict[str, bytes]:
         "viewpoint": ViewpointQuestion(views=tuple(views.values()), building_box=box).model_dump_json().encode(),
         "safe-distances": SafeDistancesQuestion(view=front, others=sides).model_dump_json().encode(),
         "safe-distances, one view": SafeDistancesQuestion(view=front).model_dump_json().encode(),
-        "approach": ApproachQuestion(view=views[90], others=(views[45],), box=seen, pose=pose)
+        "approach": ApproachQuestion(view=views["right"], others=(views["front-right"],), box=seen, pose=pose)
         .model_dump_json()
         .encode(),
         "explore": ExploreQuestion(views=tuple(views.values()), pose=pose, building_box=None)
