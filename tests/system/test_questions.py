@@ -11,8 +11,9 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import httpx
 import pytest
 
 from contracts.llm_parser import ParseAnswer, ParseQuestion
@@ -113,3 +114,32 @@ def test_an_interrupt_at_the_question_leaves_a_complete_record(attentive: Addres
     assert typed.code == 130, typed.shown[-2000:]
     result = json.loads(next(runs.glob("*/result.json")).read_text())
     assert result["outcome"] == "cancelled"
+
+
+def wait_for(client: httpx.Client, name: str, status: str) -> dict[str, Any]:
+    """The delivery once it has that status."""
+    give_up = time.monotonic() + 60
+    while True:
+        delivery: dict[str, Any] = client.get(f"/v1/deliveries/{name}").json()
+        if delivery["status"] == status:
+            return delivery
+        assert time.monotonic() < give_up, delivery
+        time.sleep(0.05)
+
+
+def test_over_rest_the_real_parser_reads_the_request_again_with_the_answer(orchestrator_url: str) -> None:
+    with httpx.Client(base_url=orchestrator_url, timeout=30) as client:
+        order = {"request": VAGUE, "sample": "villa-teddy-bear", "backend": "oracle"}
+        name = client.post("/v1/deliveries", json=order).json()["id"]
+        assert "floor" in wait_for(client, name, "needs_answer")["question"]["text"].lower()
+        assert client.post(f"/v1/deliveries/{name}/answer", json={"text": "the second floor"}).status_code == 200
+        kinds: list[str] = []
+        with client.stream("GET", f"/v1/deliveries/{name}/events") as stream:
+            for line in stream.iter_lines():
+                if line.startswith("data: "):
+                    kinds.append(json.loads(line.removeprefix("data: "))["kind"])
+                if kinds.count("parsed") == 2:
+                    break
+        client.delete(f"/v1/deliveries/{name}")
+        assert kinds[-1] == "parsed"
+        assert kinds.index("question") < kinds.index("answer") < len(kinds) - 1
