@@ -50,6 +50,8 @@ async def preflight(step: Step) -> PlaceDrone | NeedsAnswer:
             "name another thing at the window, or choose a model that knows more"
         )
         asked = f"I have never learnt to recognise {step.thing}. Is there something else at your window?"
+        if any(exchange.question == asked for exchange in step.state.exchanges):  # the answer named no other
+            raise MissionEnd("object_unknown", why)
         return await ask_customer(step, "unknown_object", asked, "object_unknown", why)
     return PlaceDrone()
 

@@ -153,8 +153,10 @@ async def test_something_else_at_the_window_is_asked_for_where_the_model_has_nev
 async def test_a_thing_never_learnt_without_another_ends_on_the_ground_as_unknown() -> None:
     world = BlockWorld()
     vision = BlockVision(world, unknown=frozenset({"green flower pot"}))
-    result = await fly(REQUEST, AnsweredBeforehand(["no"]), world=world, vision=vision)
+    log = Events()
+    result = await fly(REQUEST, AnsweredBeforehand(["no", "no", "no"]), world=world, vision=vision, log=log)
     assert (result.outcome, world.ended) == ("object_unknown", [])
+    assert len(log.of("question")) == 1, "a customer who has said no is not asked the same again"
 
 
 async def test_another_language_is_told_in_it_and_never_as_a_request_that_names_no_floor() -> None:
