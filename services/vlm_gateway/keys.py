@@ -12,7 +12,7 @@ import hmac
 import secrets
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from contracts.base import Wire
@@ -23,6 +23,7 @@ from services.vlm_gateway.shared_limits import SharedBucket, SharedPlaces
 from services.vlm_gateway.usage.budgets import BudgetConfig, OverBudget, Spender
 
 _PREFIX = "sk-lvln-"
+_RATES = b"x-ratelimit-limit-%s: %d\r\nx-ratelimit-remaining-%s: %d\r\nx-ratelimit-reset-%s: %.3fs\r\n"
 
 
 class Unauthorised(ServiceError):
@@ -124,14 +125,11 @@ class Key:
         if self._tokens is not None:
             self._tokens.add(held - used)
 
-    def rates(self) -> Iterable[tuple[bytes, bytes]]:
-        """What is left of this minute's requests and tokens, as OpenAI's headers tell it."""
-        for unit, bucket in ((b"requests", self._requests), (b"tokens", self._tokens)):
-            if bucket is not None:
-                left = max(0, int(bucket.fill(self._clock())))
-                yield b"x-ratelimit-limit-" + unit, b"%d" % bucket.size
-                yield b"x-ratelimit-remaining-" + unit, b"%d" % left
-                yield b"x-ratelimit-reset-" + unit, b"%.3fs" % bucket.wait_s(bucket.size)
+    def rates(self) -> bytes:
+        """Header lines with what was left of this minute's requests and tokens when they were last counted, as OpenAI
+        tells it; empty where nothing bounds them."""
+        lines = b"" if self._requests is None else _told(b"requests", self._requests)
+        return lines if self._tokens is None else lines + _told(b"tokens", self._tokens)
 
     def may_ask(self, alias: str) -> bool:
         return self.models is None or alias in self.models
@@ -154,6 +152,12 @@ class Key:
 def _bucket(worker: Worker | None, name: str, per_minute: int, now: float) -> Bucket | SharedBucket:
     """One for all workers, where there are several."""
     return Bucket(per_minute, now) if worker is None else SharedBucket(worker, name, per_minute, now)
+
+
+def _told(unit: bytes, bucket: "Bucket | SharedBucket") -> bytes:
+    """The header lines of one rate."""
+    left, reset_s = max(0, int(bucket.level)), bucket.wait_s(bucket.size)
+    return _RATES % (unit, bucket.size, unit, left, unit, reset_s)
 
 
 def _spender(name: str, config: KeyConfig | None, team: BudgetConfig | None) -> Spender:

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import ClassVar, NamedTuple, Protocol, Self
 
 from fastapi.responses import Response
@@ -202,20 +202,16 @@ class Exchange:
             parts += (name, b": ", value, b"\r\n")
         for name, value in headers:
             parts += (name, b": ", value, b"\r\n")
-        parts += self._identity()
+        parts.append(self._identity())
         if self.allowed_origin is not None:
             parts += (b"access-control-allow-origin: ", self.allowed_origin, b"\r\n", _EXPOSE)
         parts.append(b"\r\n" if self.keep_alive else b"connection: close\r\n\r\n")
         return b"".join(parts)
 
-    def _identity(self) -> Iterator[bytes]:
-        """Which request it was, who answers it, and what is left of the key's rates."""
-        if self.request_id:
-            yield b"x-request-id: %s\r\n" % self.request_id
-        if self.alias:
-            yield b"x-model: %s\r\n" % self.alias.encode()
-        for name, value in self.key.rates():
-            yield b"%s: %s\r\n" % (name, value)
+    def _identity(self) -> bytes:
+        """Header lines: which request it was, who answers it, and what is left of the key's rates."""
+        lines = b"x-request-id: %s\r\n%s" % (self.request_id, self.key.rates()) if self.request_id else b""
+        return b"%sx-model: %s\r\n" % (lines, self.alias.encode()) if self.alias else lines
 
     def _write(self, data: bytes) -> None:
         if not self.disconnected:
