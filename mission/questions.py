@@ -29,7 +29,7 @@ def left_open(answer: ParseAnswer) -> str:
 
 def question_of(answer: ParseAnswer) -> str:
     """The parser's own question; where it has none, one for each missing field."""
-    if answer.question is not None:
+    if answer.question:
         return answer.question
     asked = [
         _by_neighbour(answer.relation) if name == "object" and answer.relation is not None else _QUESTIONS[name]

@@ -182,6 +182,7 @@ def test_what_is_open_is_said_by_its_reason() -> None:
     floor_open = ParseAnswer(object="pot", missing=("floor",), reasons=Reasons(floor="open"), model="m")
     assert left_open(floor_open) == "the request leaves the floor open"
     assert left_open(BY_NEIGHBOUR) == "the request marks the window only by a neighbouring one"
+    assert question_of(floor_open.model_copy(update={"question": ""})) == "Which floor is the window on?"
     own = "Is it the 4th or the 5th?"
     assert question_of(floor_open.model_copy(update={"question": own})) == own
 
