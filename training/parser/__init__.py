@@ -1,0 +1,1 @@
+"""Trains the learned reader of requests: `python -m training.parser`."""

