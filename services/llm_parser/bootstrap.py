@@ -7,7 +7,8 @@ from service_kit.settings import revealed
 from services.llm_parser.app import Parsers, build_app
 from services.llm_parser.chat.backend import ChatParser
 from services.llm_parser.port import Parser
-from services.llm_parser.rules.backend import RulesParser
+from services.llm_parser.reader.model import ReaderModel
+from services.llm_parser.reader.parser import WEIGHTS, ReaderParser
 from services.llm_parser.settings import LlmParserSettings
 
 
@@ -21,12 +22,14 @@ def bootstrap(settings: LlmParserSettings) -> FastAPI:
     )
 
     def chat(model: str | None) -> ChatParser:
-        return ChatParser(gateway, model, max_tokens=settings.parser_max_tokens)
+        return ChatParser(
+            gateway, model, max_tokens=settings.parser_max_tokens, ground_floor=settings.parser_ground_floor
+        )
 
-    rules = RulesParser()
-    default: Parser = rules if settings.parser_backend == "rules" else chat(settings.parser_model)
+    reader = ReaderParser(ReaderModel(WEIGHTS), ground_floor=settings.parser_ground_floor)
+    default: Parser = reader if settings.parser_backend == "reader" else chat(settings.parser_model)
     return build_app(
-        Parsers(rules=rules, default=default, chat=chat),
+        Parsers(reader=reader, default=default, chat=chat),
         about={"backend": settings.parser_backend},
         close=gateway.close,
         token=revealed(settings.llm_parser_token),

@@ -19,8 +19,14 @@ class LlmParserSettings(ServiceSettings):
     llm_parser_max_body_bytes: int = Field(
         64 * 1024, ge=1024, le=1 << 24, description="The largest question that is read: one sentence."
     )
-    parser_backend: Literal["rules", "chat"] = Field(
-        "rules", description="What reads a request that names no model: grammar rules, or a model behind the gateway."
+    parser_backend: Literal["reader", "chat"] = Field(
+        "reader", description="What reads a request that names no model: the learned reader, or a model of the gateway."
+    )
+    parser_ground_floor: int = Field(
+        1,
+        ge=0,
+        le=1,
+        description="What the ground floor counts as where a request does not show it: 1 (America) or 0 (Europe).",
     )
     parser_model: str | None = Field(
         None, description="The gateway's alias that `chat` asks; unset: the gateway's role `parser`."

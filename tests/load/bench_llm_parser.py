@@ -1,7 +1,7 @@
-"""Latency of `POST /v1/parse` with `rules` over HTTP: `python -m tests.load.bench_llm_parser [--json]`.
+"""Latency of `POST /v1/parse` with the learned reader over HTTP: `python -m tests.load.bench_llm_parser [--json]`.
 
-Starts the service as a process and sends filled request templates one after the other on one connection. `in process`
-is the grammar alone, without HTTP; `cpu_ms` is the service's own processor time per request, which other load on the
+Starts the service as a process and sends requests one after the other on one connection. `in process` is the reader
+alone, without HTTP; `cpu_ms` is the service's own processor time per request, which other load on the
 machine changes less than the latencies.
 """
 
@@ -17,22 +17,24 @@ import aiohttp
 import numpy as np
 
 from contracts.llm_parser import ParseQuestion
-from services.llm_parser.rules.parser import parse
-from services.llm_parser.templates import read_samples
+from services.llm_parser.reader.model import ReaderModel
+from services.llm_parser.reader.parser import WEIGHTS, ReaderParser
 from tests.load.open_loop import Call, alone
 from tests.load.processes import service
 
-TEMPLATES = Path(__file__).parents[1] / "data" / "request_templates.jsonl"
+REQUESTS = Path(__file__).parents[1] / "data" / "requests_kept_apart.jsonl"
 
 
 def in_process(requests: list[str]) -> dict[str, float]:
-    """Milliseconds of the grammar alone, over all requests, after one round of warming up."""
-    for request in requests:
-        parse(request)
+    """Milliseconds of the reader alone, over all requests, after one round of warming up."""
+    parser = ReaderParser(ReaderModel(WEIGHTS))
+    questions = [ParseQuestion(request=request) for request in requests]
+    for question in questions:
+        parser.read(question)
     took = []
-    for request in requests:
+    for question in questions:
         started = time.perf_counter()
-        parse(request)
+        parser.read(question)
         took.append(1000 * (time.perf_counter() - started))
     p50, p95, p99 = np.percentile(took, (50, 95, 99))
     return {"requests": len(took), "p50_ms": round(p50, 3), "p95_ms": round(p95, 3), "p99_ms": round(p99, 3)}
@@ -41,7 +43,7 @@ def in_process(requests: list[str]) -> dict[str, float]:
 async def over_http(requests: list[str], count: int) -> dict[str, float]:
     """Milliseconds over real HTTP, one request at a time."""
     bodies = [ParseQuestion(request=request).model_dump_json().encode() for request in requests]
-    with service("services.llm_parser", {"PARSER_BACKEND": "rules"}) as running:
+    with service("services.llm_parser", {"PARSER_BACKEND": "reader"}) as running:
         url = f"{running.url}/v1/parse"
         async with aiohttp.ClientSession() as session:
             await alone(session, lambda i: Call("POST", url, bodies[i % len(bodies)]), len(bodies))
@@ -71,7 +73,7 @@ def main() -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
     parser.add_argument("--count", type=int, default=1000, help="requests over HTTP")
     options = parser.parse_args()
-    requests = [sample.request for sample in read_samples(TEMPLATES, seed=1, fills=1)]
+    requests = [json.loads(line)["text"] for line in REQUESTS.read_text(encoding="utf-8").splitlines()]
     figures = {"http": asyncio.run(over_http(requests, options.count)), "in_process": in_process(requests)}
     if options.json:
         sys.stdout.write(json.dumps(figures) + "\n")

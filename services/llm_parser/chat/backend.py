@@ -4,14 +4,15 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from contracts.llm_parser import Evidence, ParseAnswer
+from contracts.llm_parser import Candidates, Confidence, Evidence, ParseAnswer, ParseQuestion, Reason, Reasons
 from service_kit.client import CallError, Garbled, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion, ServiceError, Unavailable
+from services.llm_parser.asking import question_for
 from services.llm_parser.chat import prompt
 from services.llm_parser.chat.grounding import object_span
 from services.llm_parser.chat.reading import Read, Refusal, Reply, Unreadable, read_reply
-from services.llm_parser.rules.floors import find_floors
-from services.llm_parser.rules.tokens import tokenize
+from services.llm_parser.languages import other_language
+from services.llm_parser.reader.mentions import find_mentions
 
 ROLE = "parser"
 _ROUTE = "/v1/chat/completions"
@@ -64,26 +65,33 @@ class ChatParser:
     """One alias of the gateway's, or whatever plays the role `parser` there. `client` may be shared between aliases;
     whoever made it closes it."""
 
-    def __init__(self, client: ServiceClient, alias: str | None = None, *, max_tokens: int = 2048) -> None:
+    def __init__(
+        self, client: ServiceClient, alias: str | None = None, *, max_tokens: int = 2048, ground_floor: int = 1
+    ) -> None:
         self._client = client
         self._alias = alias
         self._model = alias or ROLE
         self._max_tokens = max_tokens
+        self._ground_floor = ground_floor
 
-    async def parse(self, request: str) -> ParseAnswer:
+    async def parse(self, question: ParseQuestion) -> ParseAnswer:
         """Raises Unavailable (model_unreachable, model_overloaded), ServiceError (model_timeout and the gateway's
         further errors) and BadQuestion (unknown_model)."""
-        messages = [{"role": "user", "content": prompt.question(request)}]
+        ground = self._ground_floor if question.ground_floor is None else question.ground_floor
+        words = "\n".join((question.request, *(e.answer for e in question.exchanges)))
+        language = other_language(question.request)
+        messages = [{"role": "user", "content": prompt.question(question.request, ground, question.exchanges)}]
         reply = await self._ask(messages)
-        found = read_reply(reply, request)
+        found = read_reply(reply, words, grounded=language is None)
         if isinstance(found, Unreadable):
             shown = reply.content[-4000:] or "(no answer)"
             messages += [
                 {"role": "assistant", "content": shown},
                 {"role": "user", "content": prompt.repair(found.problem)},
             ]
-            found = read_reply(await self._ask(messages), request)
-        return self._answer(found, request)
+            found = read_reply(await self._ask(messages), words, grounded=language is None)
+        answer = self._answer(found, words)
+        return answer.model_copy(update={"language": language.code if language is not None else "en"})
 
     async def problem(self) -> str | None:
         return await self._client.usable()
@@ -93,14 +101,23 @@ class ChatParser:
             return ParseAnswer(outcome="refused", missing=("floor", "object"), model=self._model)
         if isinstance(found, Unreadable):
             return ParseAnswer(outcome="unreadable", missing=("floor", "object"), model=self._model)
-        fields: tuple[tuple[Literal["floor", "object"], object], ...] = (
-            ("floor", found.floor),
-            ("object", found.object),
+        reasons = Reasons(
+            floor=_reason(found.floor, open_to=found.floors),
+            object="relation_only" if found.object is None and found.relation else _reason(found.object, found.objects),
         )
+        candidates = Candidates(
+            floors=found.floors if found.floor is None else (), objects=found.objects if found.object is None else ()
+        )
+        relation = found.relation if found.object is None else None
         return ParseAnswer(
             floor=found.floor,
             object=found.object,
-            missing=tuple(name for name, value in fields if value is None),
+            relation=relation,
+            missing=tuple(n for n, v in (("floor", found.floor), ("object", found.object)) if v is None),
+            reasons=reasons,
+            candidates=candidates,
+            confidence=Confidence(floor=found.sure, object=found.sure),
+            question=question_for(reasons, candidates, relation),
             evidence=Evidence(floor=_floor_words(found.floor, request), object=_object_words(found.object, request)),
             model=self._model,
         )
@@ -148,13 +165,14 @@ def _object_words(name: str | None, request: str) -> str | None:
     return request[span.start : span.end] if span else None
 
 
+def _reason(value: object, open_to: tuple[object, ...]) -> Reason | None:
+    if value is not None:
+        return None
+    return "open" if open_to else "not_said"
+
+
 def _floor_words(floor: int | None, request: str) -> str | None:
-    """Where the request says this floor, if the grammar sees it there."""
-    if floor is None:
-        return None
-    tokens = tokenize(request)
-    same = [m for m in find_floors(tokens).mentions if m.floor == floor]
-    if not same:
-        return None
-    mention = max(same, key=lambda m: m.score)
-    return request[tokens[mention.first].start : tokens[mention.last - 1].end]
+    """The first number of the request that is this floor."""
+    same = (m for m in find_mentions(request) if m.value == floor and m.kind in ("count", "ground"))
+    mention = next(same, None)
+    return request[mention.start : mention.end] if mention is not None else None

@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
-from services.llm_parser.rules.lexicon import words
-
 _WORD = re.compile(r"[^\W_]+")
-_LINKS = words("a an the of with and in on at by to for its his her my our from or")
+_LINK_WORDS = "a an the of with and in on at by to for its his her my our from or"
+_LINKS = frozenset(_LINK_WORDS.split())
 
 
 class Span(NamedTuple):

@@ -12,13 +12,16 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from pydantic import ValidationError
+
+from contracts.llm_parser import Relation
 from services.llm_parser.chat.grounding import object_span
-from services.llm_parser.templates import normalised
 
 LONGEST_TEXT = 40_000
 HIGHEST_FLOOR = 200
 LONGEST_OBJECT = 200
 _MOST_OBJECTS = 24
+_KEYS = frozenset(("floor", "object", "relation", "floors", "objects", "sure"))
 
 _TAG = r"(?:think|thinking|thought|thoughts|reasoning|reflection)"
 _CLOSE = re.compile(rf"</{_TAG}>|<\|end_of_thought\|>", re.IGNORECASE)
@@ -37,8 +40,15 @@ _NOTHING = frozenset(("", "null", "none", "n/a", "unknown", "not specified", "mi
 
 @dataclass(frozen=True, slots=True)
 class Read:
+    """`floors` and `objects`: what they may be where the model leaves them open; `sure`: 0..1, null where it does not
+    say."""
+
     floor: int | None
     object: str | None
+    relation: Relation | None = None
+    floors: tuple[int, ...] = ()
+    objects: tuple[str, ...] = ()
+    sure: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +71,9 @@ class Reply:
     cut: bool = False
 
 
-def read_reply(reply: Reply, request: str) -> Read | Refusal | Unreadable:
-    """The answer in `reply`, checked against the closed schema, its bounds and the words of `request`."""
+def read_reply(reply: Reply, request: str, *, grounded: bool = True) -> Read | Refusal | Unreadable:
+    """The answer in `reply`, checked against the closed schema, its bounds and, with `grounded`, the words of
+    `request` (an object that was translated is in none of them)."""
     if reply.refusal:
         return Refusal()
     answer, thinking_only = _answer_part(reply)
@@ -73,7 +84,7 @@ def read_reply(reply: Reply, request: str) -> Read | Refusal | Unreadable:
         if _REFUSAL.search(answer[:600].translate(_QUOTES)):
             return Refusal()
         return Unreadable("there is no JSON object in it")
-    return _checked(found, request)
+    return _checked(found, request if grounded else None)
 
 
 def _answer_part(reply: Reply) -> tuple[str, bool]:
@@ -136,8 +147,8 @@ def _lenient(piece: str) -> dict[str, Any] | None:
     return value if isinstance(value, dict) else None
 
 
-def _checked(found: dict[str, Any], request: str) -> Read | Unreadable:
-    unknown = [str(key)[:40] for key in found if key not in ("floor", "object")]
+def _checked(found: dict[str, Any], request: str | None) -> Read | Unreadable:
+    unknown = [str(key)[:40] for key in found if key not in _KEYS]
     if unknown:
         return Unreadable(f"it has keys that were not asked for: {', '.join(unknown[:4])}")
     if "floor" not in found or "object" not in found:
@@ -149,13 +160,44 @@ def _checked(found: dict[str, Any], request: str) -> Read | Unreadable:
     if thing is not None and not isinstance(thing, str):
         return Unreadable("the object is neither a string nor null")
     name = normalised(thing.strip().strip(".\"'")) if thing is not None else None
-    if name is None or name in _NOTHING:
-        return Read(floor, None)
-    if len(name) > LONGEST_OBJECT:
+    if name is not None and name in _NOTHING:
+        name = None
+    if name is not None and len(name) > LONGEST_OBJECT:
         return Unreadable(f"the object is longer than {LONGEST_OBJECT} characters")
-    if object_span(name, request) is None:
+    if name is not None and request is not None and object_span(name, request) is None:
         return Unreadable("the object is not in the words of the request")
-    return Read(floor, name)
+    floors = tuple(f for f in map(_floor, _list(found.get("floors"))) if isinstance(f, int))[:3]
+    objects = tuple(
+        normalised(str(o))[:LONGEST_OBJECT] for o in _list(found.get("objects")) if isinstance(o, str) and o
+    )[:3]
+    return Read(floor, name, _relation(found.get("relation")), floors, objects, _share(found.get("sure")))
+
+
+def _list(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
+
+
+def _share(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+        return None
+    return float(value)
+
+
+def _relation(value: object) -> Relation | None:
+    """A relation that is not well formed says nothing."""
+    if not isinstance(value, dict):
+        return None
+    try:
+        relation = Relation.model_validate({"count": 1, **value}, strict=False)
+    except ValidationError:
+        return None
+    return relation.model_copy(update={"to": normalised(relation.to)})
+
+
+def normalised(noun_phrase: str) -> str:
+    """Lower case, single spaces, no article in front."""
+    words = noun_phrase.lower().split()
+    return " ".join(words[1:] if words and words[0] in ("a", "an", "the") else words)
 
 
 def _floor(value: object) -> int | Unreadable | None:

@@ -4,16 +4,12 @@
 "no", "unreadable" and "refused" are replies.
 """
 
-from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from contracts.cameras import Camera
 from contracts.geometry import Box, PointLabel
 from contracts.vlm_gateway import BackendKind, MarkedPoint, Match, Outcome, Tokens
-
-asked_vehicle: ContextVar[str | None] = ContextVar("asked_vehicle", default=None)
-"""Whose pictures the question being answered is about; set where the question comes in, read by the oracle alone."""
 
 T = TypeVar("T")
 Kind = BackendKind

@@ -98,7 +98,6 @@ class EndpointChoice:
     def __init__(self, endpoints: Sequence[Endpoint], *, affinity: bool) -> None:
         self.endpoints = tuple(endpoints)
         self._affinity = Affinity() if affinity and len(endpoints) > 1 else None
-        self._only = endpoints[0] if len(endpoints) == 1 else None
         self._canaries = dict.fromkeys((e for e in endpoints if e.canary), 0.0)
 
     def marks(self, body: Sequence[Buffer]) -> list[Mark]:
@@ -108,8 +107,6 @@ class EndpointChoice:
     def pick(self, caller: str, marks: Sequence[Mark], tried: Collection[Endpoint] = ()) -> Endpoint | None:
         """The server to ask next for this caller, none of those `tried` where there is another; None where none is to
         be asked."""
-        if self._only is not None:
-            return self._only if self._only.health.allow(caller) else None
         for group in ([e for e in self.endpoints if e not in tried], list(tried)):
             for endpoint in self._in_order(group, caller, marks):
                 if endpoint.health.allow(caller):
@@ -126,6 +123,8 @@ class EndpointChoice:
         return not (endpoint.drained or endpoint.unwell or endpoint.is_busy or endpoint.health.wait_s(caller))
 
     def _in_order(self, group: Sequence[Endpoint], caller: str, marks: Sequence[Mark]) -> list[Endpoint]:
+        if len(group) == 1 and len(self.endpoints) == 1:
+            return list(group)
         open_ = [e for e in group if self._open(e, caller)] or [e for e in group if not e.drained]
         if canary := self._due_canary(open_):
             return [canary, *(e for e in open_ if e is not canary)]

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contracts.llm_parser import ParseAnswer
+from contracts.llm_parser import ParseAnswer, ParseQuestion
 from service_kit.client import ServiceClient
 from service_kit.errors import ServiceError
 from services.llm_parser.chat.backend import ChatParser
@@ -24,7 +24,7 @@ async def client(model_server: Any) -> AsyncIterator[ServiceClient]:
 
 
 async def ask(client: ServiceClient, request: str = REQUEST) -> ParseAnswer:
-    return await ChatParser(client, "r1-distill").parse(request)
+    return await ChatParser(client, "r1-distill").parse(ParseQuestion(request=request))
 
 
 async def test_a_plain_answer_becomes_floor_and_object_with_the_words_it_rests_on(
@@ -33,7 +33,7 @@ async def test_a_plain_answer_becomes_floor_and_object_with_the_words_it_rests_o
     model_server.says(f"Step 1: ...\nStep 2: ...\nStep 3: ...\n{GOOD}")
     answer = await ask(client)
     assert (answer.outcome, answer.floor, answer.object) == ("answered", 7, "green flower pot")
-    assert (answer.evidence.floor, answer.evidence.object) == ("seventh floor", "Green flower pot")
+    assert (answer.evidence.floor, answer.evidence.object) == ("seventh", "Green flower pot")
     assert (answer.missing, answer.model) == ((), "r1-distill")
 
 
@@ -55,7 +55,7 @@ async def test_the_question_carries_three_steps_examples_and_the_request_to_the_
 
 async def test_without_an_alias_the_gateway_chooses_by_role(client: ServiceClient, model_server: Any) -> None:
     model_server.says(GOOD)
-    answer = await ChatParser(client).parse(REQUEST)
+    answer = await ChatParser(client).parse(ParseQuestion(request=REQUEST))
     assert "model" not in model_server.asked[0]
     assert answer.model == "parser"
 

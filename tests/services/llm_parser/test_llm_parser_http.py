@@ -20,28 +20,32 @@ REQUEST = "Please bring my parcel to the fourth floor, the window with the green
 
 
 @pytest.fixture(scope="module")
-def rules(serve: Callable[[ASGIApp], str]) -> Iterator[httpx.Client]:
+def service(serve: Callable[[ASGIApp], str]) -> Iterator[httpx.Client]:
     """The service with its defaults; nobody listens where it looks for the gateway."""
     url = serve(bootstrap(LlmParserSettings.read({"VLM_GATEWAY_URL": "http://127.0.0.1:9"})))
     with httpx.Client(base_url=url, timeout=60) as client:
         yield client
 
 
-def test_a_request_is_answered_with_floor_object_and_evidence(rules: httpx.Client) -> None:
-    answer = rules.post("/v1/parse", json={"request": REQUEST})
+def test_a_request_is_answered_with_floor_object_and_evidence(service: httpx.Client) -> None:
+    answer = service.post("/v1/parse", json={"request": REQUEST})
     assert answer.status_code == 200
-    assert answer.json() == {
+    told = answer.json()
+    assert {k: told[k] for k in ("outcome", "floor", "object", "missing", "question", "language", "model")} == {
         "outcome": "answered",
         "floor": 4,
         "object": "green flower pot",
         "missing": [],
-        "evidence": {"floor": "fourth floor", "object": "the green flower pot"},
-        "model": "rules",
+        "question": None,
+        "language": "en",
+        "model": "reader",
     }
+    assert told["evidence"] == {"floor": "fourth", "object": "green flower pot"}
+    assert 0.9 < told["confidence"]["floor"] <= 1.0
 
 
-def test_what_is_not_said_is_null_and_named(rules: httpx.Client) -> None:
-    answer = rules.post("/v1/parse", json={"request": "Where is my order?", "model": "rules"}).json()
+def test_what_is_not_said_is_null_and_named(service: httpx.Client) -> None:
+    answer = service.post("/v1/parse", json={"request": "Where is my order?", "model": "reader"}).json()
     assert (answer["floor"], answer["object"], answer["missing"]) == (None, None, ["floor", "object"])
 
 
@@ -60,40 +64,40 @@ def test_what_is_not_said_is_null_and_named(rules: httpx.Client) -> None:
         ([REQUEST], "invalid"),
     ],
 )
-def test_a_bad_question_is_refused_in_our_shape(rules: httpx.Client, body: object, code: str) -> None:
-    answer = rules.post("/v1/parse", json=body)
+def test_a_bad_question_is_refused_in_our_shape(service: httpx.Client, body: object, code: str) -> None:
+    answer = service.post("/v1/parse", json=body)
     assert answer.status_code == 422
     assert answer.json()["error"]["code"] == code
 
 
 @pytest.mark.parametrize("body", [b"", b"{", b'{"request": "floor 3 \\ud800"}', b"\xff\xfe"])
-def test_what_is_no_json_or_no_text_is_refused(rules: httpx.Client, body: bytes) -> None:
-    answer = rules.post("/v1/parse", content=body, headers={"content-type": "application/json"})
+def test_what_is_no_json_or_no_text_is_refused(service: httpx.Client, body: bytes) -> None:
+    answer = service.post("/v1/parse", content=body, headers={"content-type": "application/json"})
     assert 400 <= answer.status_code < 500
     assert answer.json()["error"]["message"]
 
 
-def test_a_body_over_the_limit_is_refused_unread(rules: httpx.Client) -> None:
-    answer = rules.post("/v1/parse", content=b"x" * 100_000, headers={"content-type": "application/json"})
+def test_a_body_over_the_limit_is_refused_unread(service: httpx.Client) -> None:
+    answer = service.post("/v1/parse", content=b"x" * 100_000, headers={"content-type": "application/json"})
     assert (answer.status_code, answer.json()["error"]["code"]) == (413, "body_too_large")
 
 
-def test_a_gateways_alias_without_a_gateway_is_a_503_and_no_answer(rules: httpx.Client) -> None:
-    answer = rules.post("/v1/parse", json={"request": REQUEST, "model": "r1-distill"})
+def test_a_gateways_alias_without_a_gateway_is_a_503_and_no_answer(service: httpx.Client) -> None:
+    answer = service.post("/v1/parse", json={"request": REQUEST, "model": "r1-distill"})
     assert (answer.status_code, answer.json()["error"]["code"]) == (503, "model_unreachable")
 
 
-def test_rules_are_ready_without_a_gateway_and_say_what_they_are(rules: httpx.Client) -> None:
-    assert rules.get("/healthz").status_code == 200
-    ready = rules.get("/readyz")
+def test_the_reader_is_ready_without_a_gateway_and_say_what_they_are(service: httpx.Client) -> None:
+    assert service.get("/healthz").status_code == 200
+    ready = service.get("/readyz")
     assert ready.status_code == 200
-    assert ready.json()["about"] == {"backend": "rules"}
+    assert ready.json()["about"] == {"backend": "reader"}
 
 
-def test_answers_are_counted_by_back_end_outcome_and_what_was_missing(rules: httpx.Client) -> None:
-    rules.post("/v1/parse", json={"request": "the window with the purple umbrella, please"})
-    page = rules.get("/metrics").text
-    assert 'llm_parser_answers_total{backend="rules",missing="floor",outcome="answered"} 1.0' in page
+def test_answers_are_counted_by_back_end_outcome_and_what_was_missing(service: httpx.Client) -> None:
+    service.post("/v1/parse", json={"request": "the window with the purple umbrella, please"})
+    page = service.get("/metrics").text
+    assert 'llm_parser_answers_total{backend="reader",missing="floor",outcome="answered"} 1.0' in page
 
 
 def test_the_named_model_answers_beside_the_default(serve: Callable[[ASGIApp], str], model_server: Any) -> None:
@@ -132,7 +136,7 @@ def test_the_service_runs_as_a_process_and_stops_when_told() -> None:
         port = probe.getsockname()[1]
     process = subprocess.Popen(
         [sys.executable, "-m", "services.llm_parser"],
-        env=os.environ | {"PORT": str(port), "PARSER_BACKEND": "rules"},
+        env=os.environ | {"PORT": str(port), "PARSER_BACKEND": "reader"},
         stderr=subprocess.DEVNULL,
     )
     try:

@@ -1,0 +1,39 @@
+"""The question that is put to the customer where something is missing: one sentence, answered in a word or two."""
+
+from contracts.llm_parser import Candidates, Reasons, Relation
+
+
+def ordinal(value: int) -> str:
+    """4 is "4th"."""
+    ending = "th" if value % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(value % 10, "th")
+    return f"{value}{ending}"
+
+
+def question_for(reasons: Reasons, candidates: Candidates, relation: Relation | None) -> str | None:
+    """Null where nothing is missing."""
+    floor = _floor_question(candidates.floors) if reasons.floor else None
+    thing = _object_question(candidates.objects, relation) if reasons.object else None
+    if floor is not None and thing is not None:
+        return f"{floor} And {thing[0].lower()}{thing[1:]}"
+    return floor or thing
+
+
+def _floor_question(floors: tuple[int, ...]) -> str:
+    if len(floors) >= 2:
+        *first, last = (ordinal(f) for f in floors)
+        return f"Is the window on the {', '.join(first)} or the {last} floor (the one at street level is the 1st)?"
+    if floors:
+        return f"Is the window on the {ordinal(floors[0])} floor (the one at street level is the 1st)?"
+    return "Which floor is the window on?"
+
+
+def _object_question(objects: tuple[str, ...], relation: Relation | None) -> str:
+    if relation is not None:
+        where = {"left": "left of", "right": "right of", "above": "above", "below": "below"}[relation.side]
+        return f"Your window is {where} the one with the {relation.to}: what can be seen at your own window?"
+    if len(objects) >= 2:
+        *first, last = objects
+        return f"Is your window the one with the {', the '.join(first)} or the {last}?"
+    if objects:
+        return f"Is your window the one with the {objects[0]}?"
+    return "What can be seen at your window from outside?"

@@ -1,0 +1,202 @@
+"""From the network's scores to a floor, an object and a relation, each with a probability."""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.llm_parser.reader.floors import Reading
+from services.llm_parser.reader.mentions import Mention
+
+Floats = NDArray[np.float32]
+
+SIDES = ("left", "right", "above", "below")
+MOST_SPANS = 60
+AGREE = 0.7
+MOST_ATTRIBUTE_WORDS = 3
+TAGGED = 3.0
+"""From this logit on a token belongs to the object."""
+_STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
+_STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from"))
+_LEADING = re.compile(r"^(?:a|an|the|my|our|your|some|one|this|that|his|her|its)\b[\s,]*", re.IGNORECASE)
+
+
+class Scores(NamedTuple):
+    """What the network says of a request of T tokens with M mentions. `whole`: none of floor, object and relation, then
+    the relation's sides and counts. `ones`: (M, operations), `pairs`: (M, M, operations), `objects` and `anchors`:
+    (T, span tokens), `tags`: (T,) logits of belonging to the object."""
+
+    whole: Floats
+    ones: Floats
+    pairs: Floats
+    objects: Floats
+    anchors: Floats
+    tags: Floats
+
+
+class Tokens(NamedTuple):
+    """The request's tokens as characters (start, end); special ones are empty."""
+
+    text: str
+    offsets: Sequence[tuple[int, int]]
+
+
+class FloorGuess(NamedTuple):
+    """A floor (null: not said, or not to be guessed), its probability, and the words of its likeliest reading."""
+
+    floor: int | None
+    probability: float
+    start: int = 0
+    end: int = 0
+
+
+class ObjectGuess(NamedTuple):
+    """A phrase (null: no mark of the customer's own), the probability of it and its like, and where it stands."""
+
+    phrase: str | None
+    probability: float
+    start: int = 0
+    end: int = 0
+
+
+class RelationGuess(NamedTuple):
+    """The customer's window is so many `windows` to the `side` of the one with `anchor`."""
+
+    anchor: str
+    side: str
+    windows: int
+    probability: float
+
+
+def floors(scores: Scores, readings: Sequence[Reading], mentions: Sequence[Mention]) -> list[FloorGuess]:
+    """Most probable first; the probabilities sum to 1."""
+    values = [scores.whole[0]]
+    for r in readings:
+        values.append(
+            scores.ones[r.first, r.operation] if r.second is None else scores.pairs[r.first, r.second, r.operation]
+        )
+    share = _softmax(np.array(values, np.float32))
+    summed: dict[int | None, float] = {None: float(share[0])}
+    best: dict[int | None, tuple[float, Reading]] = {}
+    for r, p in zip(readings, share[1:], strict=True):
+        summed[r.floor] = summed.get(r.floor, 0.0) + float(p)
+        if r.floor not in best or p > best[r.floor][0]:
+            best[r.floor] = (float(p), r)
+    guesses = []
+    for floor, probability in summed.items():
+        start = end = 0
+        if floor in best:
+            at = [mentions[i] for i in (best[floor][1].first, best[floor][1].second) if i is not None]
+            start, end = min(m.start for m in at), max(m.end for m in at)
+        guesses.append(FloorGuess(floor, probability, start, end))
+    return sorted(guesses, key=lambda g: -g.probability)
+
+
+def objects(scores: Scores, tokens: Tokens, floor: FloorGuess) -> list[ObjectGuess]:
+    """Most probable first, each with what is said of it elsewhere in the request. No object reaches over the words that
+    the `floor` is read from."""
+    flat = np.concatenate((scores.whole[1:2], scores.objects.reshape(-1)))
+    share = _softmax(flat)
+    width = scores.objects.shape[1]
+    top = np.argsort(-share[1:])[:MOST_SPANS]
+    spans: list[tuple[float, int, int, frozenset[str]]] = []
+    for at in top:
+        first, more = divmod(int(at), width)
+        p = float(share[1 + at])
+        if p < 1e-4:
+            break
+        start, end = tokens.offsets[first][0], tokens.offsets[min(first + more, len(tokens.offsets) - 1)][1]
+        words = content(tokens.text[start:end])
+        over_floor = floor.floor is not None and start < floor.end and floor.start < end
+        if words and not over_floor and end > start and _whole_words(tokens.text, start, end):
+            spans.append((p, start, end, words))
+    guesses = [ObjectGuess(None, float(share[0]))]
+    while spans:
+        same = [sum(q for q, _, _, w in spans if w == words) for _, _, _, words in spans]
+        best = max(range(len(spans)), key=lambda i: (round(same[i], 4), spans[i][0]))
+        _, start, end, words = spans[best]
+        alike = [s for s in spans if similar(words, s[3])]
+        phrase = _phrase(tokens, start, end, scores.tags)
+        guesses.append(ObjectGuess(phrase, sum(s[0] for s in alike), start, end))
+        spans = [s for s in spans if s not in alike]
+    return sorted(guesses, key=lambda g: -g.probability)
+
+
+def relation(scores: Scores, tokens: Tokens) -> RelationGuess | None:
+    """Null where the request describes no window by another one."""
+    flat = np.concatenate((scores.whole[2:3], scores.anchors.reshape(-1)))
+    share = _softmax(flat)
+    if share[0] >= 0.5:
+        return None
+    first, more = divmod(int(np.argmax(share[1:])), scores.anchors.shape[1])
+    start, end = tokens.offsets[first][0], tokens.offsets[min(first + more, len(tokens.offsets) - 1)][1]
+    sides, counts = scores.whole[3 : 3 + len(SIDES)], scores.whole[3 + len(SIDES) :]
+    anchor = _clean(tokens.text[start:end])
+    return RelationGuess(anchor, SIDES[int(np.argmax(sides))], 1 + int(np.argmax(counts)), 1.0 - float(share[0]))
+
+
+def content(text: str) -> frozenset[str]:
+    """The words that carry meaning, in lower case and without a plural's s."""
+    plain = re.sub(r"'s\b", "", text.lower().replace("w/", " with ").replace("’", "'"))
+    found = re.sub(r"[^\w]+", " ", plain).split()
+    return frozenset(w[:-1] if len(w) > 3 and w.endswith("s") and not w.endswith("ss") else w for w in found) - _STOP
+
+
+def agreement(a: frozenset[str], b: frozenset[str]) -> float:
+    """F1 of two sets of words."""
+    common = len(a & b)
+    return 2 * common / (len(a) + len(b)) if common else 0.0
+
+
+def similar(a: frozenset[str], b: frozenset[str]) -> bool:
+    """May two sets of words name the same thing: mostly the same, or one within the other?"""
+    common = len(a & b)
+    return bool(common) and (common == min(len(a), len(b)) or agreement(a, b) >= AGREE)
+
+
+def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
+    """The words of the span, and what the tagger adds from elsewhere: attributes in front, longer additions behind."""
+    main = _clean(tokens.text[start:end])
+    known = content(main)
+    groups: list[tuple[int, int]] = []
+    for (s, e), tag in zip(tokens.offsets, tags, strict=True):
+        if tag <= TAGGED or e <= s or (e > start and s < end):
+            continue
+        if groups and s - groups[-1][1] <= 1:
+            groups[-1] = (groups[-1][0], e)
+        else:
+            groups.append((s, e))
+    added = [_clean(_widened(tokens.text, *group)) for group in groups]
+    added = [a for a in added if content(a) - known]
+    short = [a for a in added if len(a.split()) <= MOST_ATTRIBUTE_WORDS]
+    long = [a for a in added if len(a.split()) > MOST_ATTRIBUTE_WORDS]
+    return " ".join([*short, main, *long])[:200]
+
+
+def _widened(text: str, start: int, end: int) -> str:
+    while start > 0 and text[start - 1].isalnum() and text[start].isalnum():
+        start -= 1
+    while end < len(text) and text[end].isalnum() and text[end - 1].isalnum():
+        end += 1
+    return text[start:end]
+
+
+def _clean(text: str) -> str:
+    said = re.sub(r"\s+", " ", text.lower().replace("w/", "with ")).strip(" .,;:!?()[]\"'“”‘’-–—*#/|=>")
+    while (shorter := _LEADING.sub("", said)) != said:
+        said = shorter
+    return said
+
+
+def _whole_words(text: str, start: int, end: int) -> bool:
+    before = start > 0 and text[start - 1].isalnum() and text[start].isalnum()
+    after = end < len(text) and text[end].isalnum() and text[end - 1].isalnum()
+    return not before and not after
+
+
+def _softmax(values: Floats) -> Floats:
+    shifted: Floats = np.exp(values - values.max())
+    shifted /= shifted.sum()
+    return shifted

@@ -1,0 +1,81 @@
+"""The shipped network: tokens in, scores out, by ONNX Runtime on one thread; nothing is fetched.
+
+Its folder holds `reader.onnx` (the encoder in eight-bit integers, per channel, and the heads), `words.npz` (the word
+embeddings: int8, one scale a word), `tokenizer.json` and `about.json`.
+"""
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import onnxruntime
+from numpy.typing import NDArray
+from tokenizers import Tokenizer
+
+from services.llm_parser.reader.decode import Scores, Tokens
+from services.llm_parser.reader.mentions import Mention
+
+MOST_TOKENS = 384
+"""A longer request is read as far as this, and said to be too long."""
+
+
+class Encoded(NamedTuple):
+    """A request's tokens; `cut`: its end was not read. `averaging`: (M, T) rows that average a mention's tokens."""
+
+    ids: NDArray[np.int64]
+    tokens: Tokens
+    averaging: NDArray[np.float32]
+    cut: bool
+
+
+def encode(tokenizer: Tokenizer, text: str, mentions: tuple[Mention, ...], most: int = MOST_TOKENS) -> Encoded:
+    """`mentions` that lie behind what is read average to nothing."""
+    encoding = tokenizer.encode(text)
+    ids, offsets = list(encoding.ids), list(encoding.offsets)
+    cut = len(ids) > most
+    if cut:
+        ids, offsets = [*ids[: most - 1], ids[-1]], [*offsets[: most - 1], (0, 0)]
+    averaging = np.zeros((len(mentions), len(ids)), np.float32)
+    for at, mention in enumerate(mentions):
+        covered = [i for i, (s, e) in enumerate(offsets) if s < mention.end and mention.start < e]
+        if covered:
+            averaging[at, covered] = 1.0 / len(covered)
+    return Encoded(np.array(ids, np.int64), Tokens(text, offsets), averaging, cut)
+
+
+class ReaderModel:
+    """Thread-safe: a session may be run by several threads."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises FileNotFoundError where the weights are not there."""
+        missing = [
+            n for n in ("reader.onnx", "words.npz", "tokenizer.json", "about.json") if not (folder / n).is_file()
+        ]
+        if missing:
+            raise FileNotFoundError(f"the reader's weights are not complete: {', '.join(missing)} missing in {folder}")
+        self._folder = folder
+        self.tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
+        self.tokenizer.no_padding()
+        self.tokenizer.no_truncation()
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        self._session = onnxruntime.InferenceSession(
+            str(folder / "reader.onnx"), options, providers=["CPUExecutionProvider"]
+        )
+        with np.load(folder / "words.npz") as words:
+            self._words: NDArray[np.int8] = words["words"]
+            self._scales: NDArray[np.float32] = words["scales"]
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What the training wrote down: data, figures, temperatures, thresholds."""
+        found: dict[str, Any] = json.loads((self._folder / "about.json").read_text(encoding="utf-8"))
+        return found
+
+    def scores(self, encoded: Encoded) -> Scores:
+        embedded = self._words[encoded.ids].astype(np.float32) * self._scales[encoded.ids][:, None]
+        mentions = encoded.averaging if len(encoded.averaging) else np.zeros((1, len(encoded.ids)), np.float32)
+        found = self._session.run(None, {"embedded": embedded[None], "averaging": mentions[None]})
+        return Scores(*(part[0] for part in found))

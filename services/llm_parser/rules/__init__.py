@@ -1,1 +1,0 @@
-"""The embedded parser: a grammar of floors and noun phrases in English requests, without any model."""
