@@ -31,7 +31,14 @@ class ViewDepth(Wire):
 
 class ViewpointConstants(Wire):
     """Free constants of eq. 4-6. `d_max_m` is where the search of `d_max` starts; each step without a valid split
-    raises it by `d_max_step_m` up to `d_max_limit_m`, and a valid split resets it."""
+    raises it by `d_max_step_m` up to `d_max_limit_m`, and a valid split resets it.
+
+    Why these values: delta must exceed what belongs to a facade (balconies up to 2.5 m, setbacks, the notches of an L)
+    and stay below the width of a street. A facade flown along at 8-10 m fills the view to about 22 degrees from the
+    direction of flight within 25 m; what is left up to the vanishing point is about two slices. A larger d_max lets
+    the drone drift away from the building before the side view calls it back. On isolated squares of 10-40 m, 3:1
+    rectangles and L shapes, from 8, 9 and 10 m, every delta of 4-8 m with every d_max of 15-30 m laps all of them.
+    """
 
     slices: int = Field(default=20, ge=4, le=200)
     delta_m: Positive = 6.0

@@ -29,10 +29,10 @@ class ApproachParameters(NamedTuple):
     anew where no way leads to the stop, by bearing from the facade's normal and distance.
     """
 
-    drone_radius_m: float = 0.35
-    clearance_m: float = 0.6
-    stop_distance_m: float = 1.5
-    height_slack_m: float = 0.75
+    drone_radius_m: float
+    clearance_m: float
+    stop_distance_m: float
+    height_slack_m: float
     max_protrusion_m: float = 3.0
     unseen_m: float = 1.5
     slide_offsets_m: tuple[float, ...] = (0.0, -1.5, 1.5, -3.0, 3.0, -5.0, 5.0)

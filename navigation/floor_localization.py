@@ -25,7 +25,7 @@ class FloorLocalizationParameters(NamedTuple):
     `min_height_m`: no height below this is flown to. `row_trust_floors`: how far eq. 3 may lie from the window row
     that was seen, in floors."""
 
-    reading: Reading = "upper_edge"
+    reading: Reading
     window_below_floors: float = 0.5
     min_height_m: float = 1.0
     row_trust_floors: float = 0.2

@@ -21,12 +21,12 @@ class SafeDistanceParameters(NamedTuple):
     least, so that the drone can leave a tight place. `bare`: eq. 7 as printed, one pixel's distance without a margin.
     """
 
-    variant: Variant = "corridor"
-    l_max_m: float = 10.0
-    drone_radius_m: float = 0.35
-    clearance_m: float = 1.5
-    tight_clearance_m: float = 0.5
-    sensor_range_m: float = 60.0
+    variant: Variant
+    l_max_m: float
+    drone_radius_m: float
+    clearance_m: float
+    tight_clearance_m: float
+    sensor_range_m: float
 
 
 class Corridor(NamedTuple):

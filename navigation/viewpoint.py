@@ -27,23 +27,17 @@ class ViewpointParameters(NamedTuple):
     `slices`: x, the number of vertical slices. `delta_m`: eq. 4's threshold. `d_max_m`: where the search of d_max
     starts; each step without a valid split raises it by `d_max_step_m`, at most to `d_max_limit_m`, and a valid split
     resets it. `max_over`: how many facade slices may lie beyond d_max. `sensor_range_m`: what no-return counts as.
-
-    Why these values: delta must exceed what belongs to a facade (balconies up to 2.5 m, setbacks, the notches of an L)
-    and stay below the width of a street. A facade flown along at 8-10 m fills the view to about 22 degrees from the
-    direction of flight within 25 m; what is left up to the vanishing point is about two slices. A larger d_max lets
-    the drone drift away from the building before the side view calls it back. On isolated squares of 10-40 m, 3:1
-    rectangles and L shapes, from 8, 9 and 10 m, every delta of 4-8 m with every d_max of 15-30 m laps all of them.
     """
 
-    policy: Policy = "paper"
-    direction: Direction = "clockwise"
-    slices: int = 20
-    delta_m: float = 6.0
-    d_max_m: float = 25.0
-    d_max_step_m: float = 10.0
-    d_max_limit_m: float = 60.0
-    max_over: int = 2
-    sensor_range_m: float = 60.0
+    policy: Policy
+    direction: Direction
+    slices: int
+    delta_m: float
+    d_max_m: float
+    d_max_step_m: float
+    d_max_limit_m: float
+    max_over: int
+    sensor_range_m: float
 
 
 class Split(NamedTuple):

@@ -6,8 +6,19 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
+
+import contracts.depth_assist
+from contracts.base import Wire
+from contracts.depth_assist import ApproachSettings, ExploreSettings, SafeDistanceSettings, ViewpointSettings
+from contracts.orchestrator import MissionSettings
+from navigation.approach import ApproachParameters
+from navigation.explorer.parameters import ExplorerParameters
+from navigation.floor_localization import FloorLocalizationParameters
+from navigation.safe_distance import SafeDistanceParameters
+from navigation.viewpoint import ViewpointParameters
 
 ROOT = Path(__file__).parent.parent
 ALLOWED: dict[str, set[str]] = {
@@ -36,6 +47,16 @@ LONG = {
     "services/vlm_gateway/config.py",
 }
 """Modules still to be cut down. The catalogue's may be longer: they are lists of things."""
+TRANSLATED: dict[type[Wire], type[tuple[object, ...]]] = {
+    ViewpointSettings: ViewpointParameters,
+    SafeDistanceSettings: SafeDistanceParameters,
+    ApproachSettings: ApproachParameters,
+    ExploreSettings: ExplorerParameters,
+    MissionSettings: FloorLocalizationParameters,
+}
+"""The contracts' settings, and the parameters of `navigation` they are translated to."""
+RENAMED = {"band_reading": "reading"}
+"""What a setting is called in `navigation`, where it has another name there."""
 
 
 def modules(*packages: str) -> list[Path]:
@@ -176,3 +197,34 @@ def test_what_importing_a_contract_loads_is_light() -> None:
     code = "import sys, contracts.sim, contracts.orchestrator; print(*sorted(m for m in sys.modules if '.' not in m))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert not heavy & set(loaded)
+
+
+def defaults_of(parameters: type[tuple[object, ...]]) -> set[str]:
+    """The fields of a NamedTuple that have a default."""
+    return set(getattr(parameters, "_field_defaults"))  # noqa: B009 - `type[tuple]` does not know the attribute
+
+
+def stated_twice(settings: type[Wire], parameters: type[tuple[object, ...]]) -> set[str]:
+    """The parameters that have a default although the settings they are translated from have that field."""
+    return {RENAMED.get(name, name) for name in settings.model_fields} & defaults_of(parameters)
+
+
+@pytest.mark.parametrize("settings", TRANSLATED, ids=lambda s: s.__name__)
+def test_a_default_that_the_contracts_have_does_not_stand_in_navigation_too(settings: type[Wire]) -> None:
+    twice = stated_twice(settings, TRANSLATED[settings])
+    assert not twice, f"{TRANSLATED[settings].__name__}: the default stands in contracts.{settings.__name__}"
+
+
+def test_a_default_that_stands_twice_is_found() -> None:
+    class Twice(NamedTuple):
+        l_max_m: float = 10.0
+        reading: str = "upper_edge"
+        unseen_m: float = 1.5
+
+    assert stated_twice(SafeDistanceSettings, Twice) == {"l_max_m"}
+    assert stated_twice(MissionSettings, Twice) == {"reading"}
+
+
+def test_every_settings_type_of_depth_assist_is_translated() -> None:
+    there = {value for name, value in vars(contracts.depth_assist).items() if name.endswith("Settings")}
+    assert there == set(TRANSLATED) - {MissionSettings}

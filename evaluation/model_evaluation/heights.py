@@ -4,6 +4,7 @@ window rows are the mission's."""
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from contracts.orchestrator import MissionSettings
 from evaluation.metrics.floor_localization import TOLERANCE_M
 from evaluation.metrics.summary import Rate
 from evaluation.model_evaluation.asking import Answers, Counted
@@ -22,7 +23,7 @@ from navigation.floor_localization import (
     rows_of_band,
 )
 
-_EQ3 = FloorLocalizationParameters()
+_EQ3 = FloorLocalizationParameters(reading=MissionSettings().band_reading)
 
 
 class Heights(NamedTuple):

@@ -143,10 +143,12 @@ def next_stop(
     gap = goal.way - here
     length = np.hypot(gap[:, 0], gap[:, 1])
     body = safe_distance.SafeDistanceParameters(
+        variant="corridor",
         l_max_m=settings.l_max_m,
         drone_radius_m=settings.drone_radius_m,
         clearance_m=settings.clearance_m,
         tight_clearance_m=min(0.5, settings.tight_clearance_m),
+        sensor_range_m=settings.sensor_range_m,
     )
     radius = safe_distance.body_radius_m(near, body)
     tight = min(radius, settings.drone_radius_m + min(0.85, settings.clearance_m))

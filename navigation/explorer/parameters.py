@@ -22,17 +22,17 @@ class ExplorerParameters(NamedTuple):
     that the drone does not cross back over. `attempts`: stops that failed to show a piece before it is given up.
     """
 
-    l_max_m: float = 10.0
-    min_move_m: float = 1.0
-    drone_radius_m: float = 0.35
-    clearance_m: float = 1.5
-    tight_clearance_m: float = 0.95
+    l_max_m: float
+    min_move_m: float
+    drone_radius_m: float
+    clearance_m: float
+    tight_clearance_m: float
+    sensor_range_m: float
+    inspect_range_m: float
+    inspect_incidence_deg: float
     band_m: float = 0.5
     body_band_m: float = 1.2
     map_range_m: float = 45.0
-    sensor_range_m: float = 60.0
-    inspect_range_m: float = 11.5
-    inspect_incidence_deg: float = 62.0
     plan_range_share: float = 0.965
     plan_incidence_slack_deg: float = 3.0
     hidden_face_m: float = 8.0

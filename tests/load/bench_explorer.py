@@ -15,8 +15,8 @@ import numpy as np
 
 from navigation.camera import Pose, pinhole
 from navigation.explorer.explore import Memory, explore
-from navigation.explorer.parameters import ExplorerParameters
 from services.depth_assist.explorer import pack, unpack
+from tests.navigation import usual
 from tests.navigation.explorer_worlds import AROUND, SHAPES, make_task, views
 
 MAX_STEPS = 30
@@ -37,7 +37,7 @@ def measure(worlds: int, pixels: int, first_seed: int) -> dict[str, Any]:
         for _ in range(MAX_STEPS):
             seen = tuple(views(task, pose, pinhole(pixels, pixels, 90.0), rng, 0.01).values())
             began = time.process_time()
-            done = explore(memory, seen, pose, ExplorerParameters())
+            done = explore(memory, seen, pose, usual.EXPLORER)
             steps.append(1e3 * (time.process_time() - began))
             began = time.process_time()
             text = pack(done.memory)

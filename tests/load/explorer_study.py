@@ -26,6 +26,7 @@ from navigation.camera import DepthView, Pose, move_pose, pinhole
 from navigation.explorer.explore import Memory, explore
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.shortest_path import NoWay
+from tests.navigation import usual
 from tests.navigation.explorer_worlds import (
     AROUND,
     SHAPES,
@@ -90,7 +91,7 @@ def contour(settings: ExplorerParameters) -> Policy:
 def paper() -> Policy:
     """Eq. 4-7 with the corridor and the centre point; 30 degrees left where nothing is free."""
     d_max: float | None = None
-    settings = viewpoint.ViewpointParameters()
+    settings = usual.VIEWPOINT
 
     def step(views: dict[int, DepthView], pose: Pose) -> Move:
         nonlocal d_max
@@ -103,9 +104,7 @@ def paper() -> Policy:
         choice = viewpoint.choose_view(means, settings, d_max, np.random.default_rng(0))
         d_max = choice.d_max_next_m
         others = [views[h] for h in HEADINGS if h != choice.heading_deg]
-        points = safe_distance.safe_distances(
-            views[int(choice.heading_deg)], others, safe_distance.SafeDistanceParameters()
-        )
+        points = safe_distance.safe_distances(views[int(choice.heading_deg)], others, usual.SAFE_DISTANCE)
         centre = points[2]
         free = centre if centre.corridor.distance_m >= 1.0 else max(points, key=lambda p: p.corridor.distance_m)
         if free.corridor.distance_m < 1.0:
@@ -205,7 +204,7 @@ def main() -> None:
             for around in AROUND
         ]
     )
-    made: dict[str, Callable[[], Policy]] = {"contour": lambda: contour(ExplorerParameters()), "paper": paper}
+    made: dict[str, Callable[[], Policy]] = {"contour": lambda: contour(usual.EXPLORER), "paper": paper}
     rows = {}
     for name in options.policies.split(","):
         flights = [

@@ -18,8 +18,8 @@ from evaluation.metrics.spl import Flown, spl
 from evaluation.task_set.task_files import load
 from navigation.explorer import goal
 from navigation.explorer.explore import Memory, explore
-from navigation.explorer.parameters import ExplorerParameters
 from tests.load.explorer_study import Flight, Move, Policy, fly
+from tests.navigation import usual
 from tests.navigation.explorer_worlds import AROUND, SHAPES, Task, make_task
 from tests.navigation.scene_worlds import from_scene
 
@@ -56,7 +56,7 @@ def policy(chooser: Chooser) -> Policy:
         nonlocal memory
         goal.pick = chooser
         chooser.step += 1
-        done = explore(memory, tuple(views.values()), pose, ExplorerParameters())
+        done = explore(memory, tuple(views.values()), pose, usual.EXPLORER)
         memory = done.memory
         decision = done.decision
         return Move(decision.place, decision.yaw, decision.status == "done", done.inspected_share)

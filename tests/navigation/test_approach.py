@@ -6,9 +6,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from navigation.approach import Approach, ApproachParameters, plan_approach
+from navigation.approach import Approach, plan_approach
 from navigation.camera import DepthView, Place, Pose, pinhole
 from navigation.target import Box, TargetParameters, box_place, facade_normal, locate
+from tests.navigation import usual
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle
 
 NORTH = math.pi / 2
@@ -16,7 +17,7 @@ CAMERA = pinhole(160, 160, 90.0)
 WALL = Prism(rectangle(0.0, 5.0, 60.0, 10.0), 0.0, 20.0)  # its south face is y = 0
 POT = Prism(rectangle(1.0, -0.15, 0.6, 0.3), 8.0, 8.6)  # on a sill; its front is y = -0.3
 
-STOPS_AT_2_M = ApproachParameters(stop_distance_m=2.0)
+STOPS_AT_2_M = usual.APPROACH._replace(stop_distance_m=2.0)
 
 
 def _box(pose: Pose, heading: int, low: Place, high: Place) -> Box:
@@ -179,7 +180,7 @@ def test_where_the_stop_is_hidden_the_drone_flies_to_a_corner_and_looks_again() 
 
 def test_without_depth_in_the_box_there_is_no_target() -> None:
     views = World([]).views(Pose(0.0, 0.0, 8.0, NORTH), CAMERA)
-    sky = plan_approach(views[0], (), Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), ApproachParameters(), 40.0)
+    sky = plan_approach(views[0], (), Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), usual.APPROACH, 40.0)
     assert sky == Approach("no_depth")
     invalid = DepthView(pinhole(20, 20, 90.0), np.full((20, 20), np.nan, np.float32))
     assert locate(invalid, Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), TargetParameters()) is None

@@ -10,7 +10,6 @@ from navigation.floor_localization import (
     Band,
     Climb,
     FinalHeight,
-    FloorLocalizationParameters,
     FloorNotFound,
     Recount,
     VerticalView,
@@ -24,10 +23,11 @@ from navigation.floor_localization import (
     down_to_ground,
     row_height_m,
 )
+from tests.navigation import usual
 
-UPPER = FloorLocalizationParameters()
+UPPER = usual.FLOOR_LOCALIZATION
 SQUARE = VerticalView(1.0, 1.0)
-CAMERA = FloorLocalizationParameters(reading="camera_height")
+CAMERA = UPPER._replace(reading="camera_height")
 
 
 def test_a_band_is_what_the_camera_sees_at_its_stand_off() -> None:

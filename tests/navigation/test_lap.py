@@ -8,6 +8,7 @@ import pytest
 
 from navigation import safe_distance, viewpoint
 from navigation.camera import Camera, Pose, move_pose, pinhole
+from tests.navigation import usual
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle, units, winding_deg
 
 MIN_MOVE_M = 1.0
@@ -37,9 +38,7 @@ def fly(world: World, start: Pose, settings: viewpoint.ViewpointParameters, came
         choice = viewpoint.choose_view(means, settings, d_max, np.random.default_rng(step))
         d_max = choice.d_max_next_m
         others = [views[heading] for heading in HEADINGS if heading != choice.heading_deg]
-        centre = safe_distance.safe_distances(
-            views[int(choice.heading_deg)], others, safe_distance.SafeDistanceParameters()
-        )[2]
+        centre = safe_distance.safe_distances(views[int(choice.heading_deg)], others, usual.SAFE_DISTANCE)[2]
         distance = centre.corridor.distance_m
         if distance < MIN_MOVE_M:
             pose = pose._replace(yaw=pose.yaw + side * FALLBACK_TURN)
@@ -78,7 +77,7 @@ def test_the_papers_rule_laps_an_isolated_building_clockwise(shape: str, stand_o
     lap = fly(
         World([Prism(outline)]),
         Pose(0.0, front - stand_off_m, 8.0, math.pi / 2),
-        viewpoint.ViewpointParameters(),
+        usual.VIEWPOINT,
         CAMERA,
         40,
     )
@@ -89,15 +88,15 @@ def test_the_papers_rule_laps_an_isolated_building_clockwise(shape: str, stand_o
 def test_counter_clockwise_is_the_mirror_image_of_the_lap() -> None:
     start = Pose(0.0, -14.5, 8.0, math.pi / 2)
     world = World([Prism(rectangle(0.0, 0.0, 20.0, 12.0))])
-    clockwise = fly(world, start, viewpoint.ViewpointParameters(), CAMERA, 40)
-    counter = fly(world, start, viewpoint.ViewpointParameters(direction="counterclockwise"), CAMERA, 40)
+    clockwise = fly(world, start, usual.VIEWPOINT, CAMERA, 40)
+    counter = fly(world, start, usual.VIEWPOINT._replace(direction="counterclockwise"), CAMERA, 40)
     assert counter.turned_deg == pytest.approx(clockwise.turned_deg, abs=0.1)
     assert counter.steps == clockwise.steps
 
 
 def test_street_and_roof_in_the_picture_do_not_stop_the_lap() -> None:
     world = World([Prism(rectangle(0.0, 0.0, 15.0, 10.0), -1.0, 9.0)], ground=True)
-    lap = fly(world, Pose(0.0, -14.0, 5.0, math.pi / 2), viewpoint.ViewpointParameters(), pinhole(100, 100, 90.0), 40)
+    lap = fly(world, Pose(0.0, -14.0, 5.0, math.pi / 2), usual.VIEWPOINT, pinhole(100, 100, 90.0), 40)
     assert lap.turned_deg >= 360.0
     assert lap.nearest_m > 0.85
 
@@ -105,6 +104,6 @@ def test_street_and_roof_in_the_picture_do_not_stop_the_lap() -> None:
 @pytest.mark.parametrize("policy", ["random", "default"])
 def test_the_ablations_do_not_lap_in_as_many_steps(policy: viewpoint.Policy) -> None:
     world, start = World([Prism(SHAPES["square of 25 m"])]), Pose(0.0, -21.5, 8.0, math.pi / 2)
-    paper = fly(world, start, viewpoint.ViewpointParameters(), CAMERA, 40)
-    ablated = fly(world, start, viewpoint.ViewpointParameters(policy=policy), CAMERA, paper.steps)
+    paper = fly(world, start, usual.VIEWPOINT, CAMERA, 40)
+    ablated = fly(world, start, usual.VIEWPOINT._replace(policy=policy), CAMERA, paper.steps)
     assert ablated.turned_deg < 360.0 <= paper.turned_deg

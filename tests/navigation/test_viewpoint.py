@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navigation.viewpoint import Choice, Sliced, ViewpointParameters, choose_view, row_range, score_view, slice_means
+from tests.navigation import usual
 
-FOUR = ViewpointParameters(slices=4, delta_m=5.0, d_max_m=25.0, max_over=1)
+FOUR = usual.VIEWPOINT._replace(slices=4, delta_m=5.0, d_max_m=25.0, max_over=1)
 NO_CHANCE = np.random.default_rng(0)
 
 
@@ -184,9 +185,9 @@ _MEANS = st.lists(st.floats(0.5, 60.0).map(lambda m: round(m, 3)) | st.just(floa
 
 @given(st.dictionaries(st.sampled_from((-90, -45, 0, 45, 90)), _MEANS, min_size=1), st.sampled_from((15.0, 25.0, 60.0)))
 def test_mirrored_pictures_and_direction_give_the_mirrored_answer(means: dict[int, list[float]], d_max: float) -> None:
-    clockwise = _chosen(means, ViewpointParameters(), d_max, NO_CHANCE)
+    clockwise = _chosen(means, usual.VIEWPOINT, d_max, NO_CHANCE)
     mirrored_means = {-heading: values[::-1] for heading, values in means.items()}
-    mirrored = _chosen(mirrored_means, ViewpointParameters(direction="counterclockwise"), d_max, NO_CHANCE)
+    mirrored = _chosen(mirrored_means, usual.VIEWPOINT._replace(direction="counterclockwise"), d_max, NO_CHANCE)
     assert mirrored.heading_deg == -clockwise.heading_deg
     assert (mirrored.reason, mirrored.d_max_next_m) == (clockwise.reason, clockwise.d_max_next_m)
     for heading in means:
@@ -195,7 +196,7 @@ def test_mirrored_pictures_and_direction_give_the_mirrored_answer(means: dict[in
 
 @given(_MEANS)
 def test_the_chosen_split_keeps_every_condition_and_none_is_better(values: list[float]) -> None:
-    settings = ViewpointParameters()
+    settings = usual.VIEWPOINT
     score = score_view(values, settings, 25.0)
     means = np.array(values)
     variances = []

@@ -9,8 +9,8 @@ from evaluation.task_set.task_files import shipped
 from navigation.camera import DepthView, Pose, pinhole
 from navigation.explorer import map_codec
 from navigation.explorer.explore import NoFacade, explore
-from navigation.explorer.parameters import ExplorerParameters
 from tests.load.explorer_study import Flight, contour, figures, fly, paper
+from tests.navigation import usual
 from tests.navigation.explorer_worlds import make_task
 from tests.navigation.raycast_world import Prism, World, rectangle
 from tests.navigation.scene_worlds import from_scene
@@ -28,7 +28,7 @@ def _search(name: str, **options: object) -> Flight:
     shape, around, seed = name.split("-")
     return fly(
         make_task(shape, around, int(seed), bool(options.pop("balconies", False))),
-        contour(ExplorerParameters()),
+        contour(usual.EXPLORER),
         **options,
     )
 
@@ -55,7 +55,7 @@ def test_without_the_window_the_search_ends_with_nearly_all_of_the_facade_inspec
 
 
 def test_a_t_shaped_house_with_balconies_shows_every_window_before_the_search_ends() -> None:
-    flight = fly(from_scene(shipped("vld-300").task("vld-300-031")), contour(ExplorerParameters()), absent=True)
+    flight = fly(from_scene(shipped("vld-300").task("vld-300-031")), contour(usual.EXPLORER), absent=True)
     assert flight.over
     assert not flight.collided
     assert all(flight.in_view)
@@ -63,27 +63,27 @@ def test_a_t_shaped_house_with_balconies_shows_every_window_before_the_search_en
 
 def test_where_neighbours_stand_it_finds_more_than_the_papers_rule() -> None:
     tasks = [make_task("plus", "ring", seed) for seed in (10, 11)]
-    ours = figures([fly(task, contour(ExplorerParameters())) for task in tasks])
+    ours = figures([fly(task, contour(usual.EXPLORER)) for task in tasks])
     theirs = figures([fly(task, paper()) for task in tasks])
     assert not ours["failed"]
     assert theirs["failed"]
 
 
 def test_the_memory_is_the_same_after_being_bytes() -> None:
-    memory = explore(None, _views(), HERE, ExplorerParameters()).memory
+    memory = explore(None, _views(), HERE, usual.EXPLORER).memory
     again = map_codec.from_bytes(map_codec.to_bytes(memory))
     assert again._replace(map=memory.map) == memory
     assert all(np.array_equal(a, b) for a, b in zip(again.map, memory.map, strict=True))
     moved = Pose(*memory.stop, HERE.z, 2.0)
-    one, other = (explore(m, _views(moved), moved, ExplorerParameters()).decision for m in (memory, again))
+    one, other = (explore(m, _views(moved), moved, usual.EXPLORER).decision for m in (memory, again))
     assert one == other
 
 
 def test_a_step_leaves_the_memory_it_was_given_as_it_was() -> None:
-    memory = explore(None, _views(), HERE, ExplorerParameters()).memory
+    memory = explore(None, _views(), HERE, usual.EXPLORER).memory
     before = map_codec.to_bytes(memory)
     moved = HERE._replace(x=4.0)
-    explore(memory, _views(moved), moved, ExplorerParameters())
+    explore(memory, _views(moved), moved, usual.EXPLORER)
     assert map_codec.to_bytes(memory) == before
 
 
@@ -92,7 +92,7 @@ def test_a_step_leaves_the_memory_it_was_given_as_it_was() -> None:
     [(0, 88, "no explorer's map"), (4, 9, "version 9"), (6, 7, "cells of"), (12, 7, "header"), (100, 3, "cell")],
 )
 def test_bytes_that_no_step_left_behind_are_refused(at: int, byte: int, said: str) -> None:
-    data = bytearray(map_codec.to_bytes(explore(None, _views(), HERE, ExplorerParameters()).memory))
+    data = bytearray(map_codec.to_bytes(explore(None, _views(), HERE, usual.EXPLORER).memory))
     data[at] = byte
     with pytest.raises(map_codec.BadMemory, match=said):
         map_codec.from_bytes(bytes(data))
@@ -102,13 +102,13 @@ def test_bytes_that_no_step_left_behind_are_refused(at: int, byte: int, said: st
 
 def test_without_a_wall_ahead_there_is_no_search() -> None:
     with pytest.raises(NoFacade, match="no wall"):
-        explore(None, _views(world=World([])), HERE, ExplorerParameters())
+        explore(None, _views(world=World([])), HERE, usual.EXPLORER)
 
 
 def test_a_drone_that_was_pushed_elsewhere_goes_on_from_where_it_is() -> None:
-    memory = explore(None, _views(), HERE, ExplorerParameters()).memory
+    memory = explore(None, _views(), HERE, usual.EXPLORER).memory
     pushed = Pose(-15.0, 14.0, 8.0, 0.0)
-    step = explore(memory, _views(pushed), pushed, ExplorerParameters())
+    step = explore(memory, _views(pushed), pushed, usual.EXPLORER)
     assert step.decision.status == "move"
     assert math.dist(step.decision.place, (pushed.x, pushed.y)) == pytest.approx(step.decision.distance_m, abs=1e-6)
     assert not step.memory.map.attempts[step.target].any()
@@ -117,14 +117,14 @@ def test_a_drone_that_was_pushed_elsewhere_goes_on_from_where_it_is() -> None:
 def test_without_room_for_the_body_it_does_not_fly() -> None:
     beside = [Prism(rectangle(x, 0.0, 0.5, 20.0)) for x in (-1.3, 1.3)]
     tight = World([*HOUSE.prisms, *beside])
-    decision = explore(None, _views(HERE, tight), HERE, ExplorerParameters()).decision
+    decision = explore(None, _views(HERE, tight), HERE, usual.EXPLORER).decision
     assert decision.status == "done"
     assert "can't be reached" in decision.reason
 
 
 def test_views_that_are_all_invalid_do_not_break_a_search_under_way() -> None:
-    memory = explore(None, _views(), HERE, ExplorerParameters()).memory
+    memory = explore(None, _views(), HERE, usual.EXPLORER).memory
     unseen = np.full((24, 160), np.nan, np.float32)
     blind = tuple(DepthView(CAMERA._replace(heading_deg=h), unseen) for h in (-90, 0, 90))
-    step = explore(memory, blind, HERE, ExplorerParameters())
+    step = explore(memory, blind, HERE, usual.EXPLORER)
     assert step.decision.status in ("move", "turn", "done")

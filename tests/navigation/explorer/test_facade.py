@@ -18,8 +18,8 @@ from navigation.explorer.facade import (
     unseen,
 )
 from navigation.explorer.map import OCCUPIED, cells_of, empty_map
-from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama
+from tests.navigation import usual
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
@@ -69,7 +69,7 @@ def test_a_pole_faces_the_drone() -> None:
 
 def test_the_search_starts_at_the_facade_ahead_not_at_the_nearest_thing() -> None:
     scan = _scan(Prism(rectangle(0.0, 11.0, 20.0, 4.0)), Prism(rectangle(-6.0, -1.0, 1.0, 1.0)))
-    seed = find_seed(scan, read_walls(scan, ExplorerParameters()), (-25.0, 25.0))
+    seed = find_seed(scan, read_walls(scan, usual.EXPLORER), (-25.0, 25.0))
     assert seed is not None
     assert (seed.x, seed.y) == (pytest.approx(0.0, abs=0.2), pytest.approx(9.0, abs=0.05))
     assert seed.normal == (pytest.approx(0.0, abs=0.02), pytest.approx(-1.0, abs=0.01))
@@ -77,7 +77,7 @@ def test_the_search_starts_at_the_facade_ahead_not_at_the_nearest_thing() -> Non
 
 def test_without_anything_near_there_is_no_start() -> None:
     scan = _scan(Prism(rectangle(0.0, 40.0, 20.0, 4.0)))
-    assert find_seed(scan, read_walls(scan, ExplorerParameters()), (-25.0, 25.0)) is None
+    assert find_seed(scan, read_walls(scan, usual.EXPLORER), (-25.0, 25.0)) is None
 
 
 def _grid_with(*places: tuple[float, float]):
@@ -97,7 +97,7 @@ def test_specks_are_not_worth_a_stop_and_given_up_pieces_are_left_alone() -> Non
     wall = [(x + 0.1, 5.1) for x in np.arange(-5.0, 5.0, 0.5)]
     grid = _grid_with(*wall)
     target = target_cells(grid, Seed(0.0, 5.1, (0.0, -1.0)))
-    settings = ExplorerParameters()
+    settings = usual.EXPLORER
     assert np.array_equal(unseen(grid, target, settings), target)
     grid.inspected.reshape(-1)[cells_of(grid, np.array(wall[:-2]))] = True
     assert not unseen(grid, target, settings).any()

@@ -9,12 +9,12 @@ from navigation.camera import Pose, pinhole
 from navigation.explorer.facade import find_seed, read_walls, target_cells
 from navigation.explorer.frontier import Guess, expect, guesses
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
-from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import panorama
+from tests.navigation import usual
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
-SETTINGS = ExplorerParameters()
+SETTINGS = usual.EXPLORER
 HOUSE = Prism(rectangle(0.0, 14.0, 16.0, 10.0))
 
 

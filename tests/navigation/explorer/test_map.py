@@ -22,8 +22,8 @@ from navigation.explorer.map import (
     part_about,
     to_turns,
 )
-from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama
+from tests.navigation import usual
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 HERE = Pose(0.0, 0.0, 8.0, math.pi / 2)
@@ -35,7 +35,7 @@ def _scan(prisms: list[Prism], pose: Pose = HERE) -> Scan:
 
 
 def _drawn(grid: Map, scan: Scan) -> Map:
-    walls = read_walls(scan, ExplorerParameters())
+    walls = read_walls(scan, usual.EXPLORER)
     carve(grid, scan)
     draw_hits(grid, scan, walls.run, walls.normal, walls.good, 45.0)
     return grid

@@ -19,18 +19,15 @@ from contracts.cameras import Camera, pinhole_camera
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
-    ApproachSettings,
     SafeDistancesAnswer,
     SafeDistanceSettings,
     SafeDistancesQuestion,
     ViewDepth,
     ViewpointAnswer,
     ViewpointQuestion,
-    ViewpointSettings,
 )
 from contracts.geometry import Box, Pose
 from contracts.images import DepthMap, encode_depth
-from navigation import approach, safe_distance, viewpoint
 from services.depth_assist.bootstrap import bootstrap
 from services.depth_assist.settings import DepthAssistSettings
 from tests.cameras import NAMES, square
@@ -338,14 +335,3 @@ async def test_a_token_is_asked_for_where_one_is_set() -> None:
         _error(await client.post("/v1/viewpoint", json=body), 401, "unauthorised")
         allowed = await client.post("/v1/viewpoint", json=body, headers={"Authorization": "Bearer secret"})
         assert allowed.status_code == 200
-
-
-def test_the_contracts_defaults_are_those_of_the_mathematics() -> None:
-    assert viewpoint.ViewpointParameters(**ViewpointSettings().model_dump()) == viewpoint.ViewpointParameters()
-    assert (
-        safe_distance.SafeDistanceParameters(**SafeDistanceSettings().model_dump())
-        == safe_distance.SafeDistanceParameters()
-    )
-    wire = ApproachSettings().model_dump()
-    wire.pop("sensor_range_m")
-    assert approach.ApproachParameters(**wire) == approach.ApproachParameters()
