@@ -9,28 +9,35 @@ result.json      written last, in one piece: a folder without it is a delivery t
 summary.png      one picture for people
 """
 
+import fcntl
 import os
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal, Protocol, Self
+from typing import Literal, NamedTuple, Protocol, Self, TextIO, TypeVar
 
 from pydantic import ValidationError
 
+from contracts.base import Wire
 from contracts.event_data import EventData
-from contracts.events import Event, KnownEvent, MoveEvent, PlacedEvent, new_event, read_event
+from contracts.events import Event, KnownEvent, MoveEvent, PlacedEvent, ResultEvent, new_event, read_event
 from contracts.geometry import Point3, Pose
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Phase
 from mission.state import MissionState
 
+W = TypeVar("W", bound=Wire)
 PICTURE_NAME = re.compile(r"[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg")
 DELIVERY_ID = re.compile(r"[0-9]{8}-[0-9]{6}-[0-9a-f]{6}")
 
 
 Pictures = Callable[[], Mapping[str, bytes]]
 """Makes JPEG files by a short name: called only by a log that keeps them."""
+
+
+class BadRecord(ValueError):
+    """A record that can't be carried on; the message says what is wrong with it."""
 
 
 class Log(Protocol):
@@ -57,31 +64,38 @@ class Record:
         (folder / "pictures").mkdir(parents=True)
         write_whole(folder / "question.json", question.model_dump_json(indent=1))
         write_whole(folder / "delivery.json", delivery.model_dump_json(indent=1))
-        self._open(folder, delivery, listener, "x")
+        self._open(folder, delivery, listener, _locked(folder / "events.jsonl", "x"))
 
     @classmethod
     def reopened(cls, folder: Path, *, listener: Callable[[KnownEvent], None] | None = None) -> Self:
         """The record of a delivery that another process left, to be carried on. An event cut off by the process's end
-        is dropped: it will be written again. Raises OSError, ValueError where the folder holds no record."""
-        delivery = Delivery.model_validate_json((folder / "delivery.json").read_text(encoding="utf-8"))
-        whole = read_events(folder)
+        is dropped: it will be written again. Raises OSError, and BadRecord where the folder holds no record, or
+        somebody still writes it."""
+        delivery = _read(folder, "delivery.json", Delivery)
+        events = _locked(folder / "events.jsonl", "a")
+        whole = _whole_events(folder)
+        if whole.more:
+            events.close()
+            raise BadRecord(f"line {len(whole.events) + 1} of {folder / 'events.jsonl'} is no event, but others follow")
+        events.truncate(whole.bytes)
         record = cls.__new__(cls)
-        record._open(folder, delivery, listener, "a")
-        record._events.truncate(_length_of(folder / "events.jsonl", len(whole)))
-        if whole:
-            record._number = whole[-1].number
-            record._started -= whole[-1].time_s
+        record._open(folder, delivery, listener, events)
+        if whole.events:
+            record._number = whole.events[-1].number
+            record._started -= whole.events[-1].time_s
+            record._announced = isinstance(whole.events[-1], ResultEvent)
         return record
 
     def _open(
-        self, folder: Path, delivery: Delivery, listener: Callable[[KnownEvent], None] | None, mode: Literal["x", "a"]
+        self, folder: Path, delivery: Delivery, listener: Callable[[KnownEvent], None] | None, events: TextIO
     ) -> None:
         self.folder = folder
         self.delivery = delivery
         self._listener = listener
         self._started = time.monotonic()
         self._number = 0
-        self._events = (folder / "events.jsonl").open(mode, encoding="utf-8")
+        self._announced = False
+        self._events = events
 
     def write(self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """Raises ValueError for a number that leaves a gap."""
@@ -111,8 +125,9 @@ class Record:
         write_whole(self.folder / "result.json", result.model_dump_json(indent=1))
 
     def announce(self, result: DeliveryResult) -> None:
-        """Writes the last event, after everything else is in the folder, and closes the record."""
-        self.write(self._number + 1, "done", f"{result.outcome}: {result.message}", result)
+        """Writes the last event, unless it is there, after everything else is in the folder, and closes the record."""
+        if not self._announced:
+            self.write(self._number + 1, "done", f"{result.outcome}: {result.message}", result)
         os.fsync(self._events.fileno())
         self.close()
 
@@ -141,47 +156,103 @@ def write_whole(path: Path, text: str) -> None:
 
 def read_events(folder: Path) -> list[Event]:
     """All whole events of a record; a line cut off by a crash ends the list."""
+    return _whole_events(folder).events
+
+
+class _Whole(NamedTuple):
+    """The events up to the first line that is none or does not end, and the bytes that they take. `more`: whole lines
+    follow one that is none."""
+
+    events: list[Event]
+    bytes: int
+    more: bool = False
+
+
+def _whole_events(folder: Path) -> _Whole:
     events: list[Event] = []
+    size = 0
     try:
-        lines = (folder / "events.jsonl").read_text(encoding="utf-8", errors="replace").splitlines()
+        data = (folder / "events.jsonl").read_bytes()
     except OSError:
-        return events
-    for line in lines:
+        return _Whole(events, size)
+    for line in data.split(b"\n")[:-1]:
         try:
-            events.append(read_event(line))
+            events.append(read_event(line.decode("utf-8", errors="replace")))
         except ValidationError:
-            break
-    return events
+            return _Whole(events, size, more=True)
+        size += len(line) + 1
+    return _Whole(events, size)
+
+
+def _locked(path: Path, mode: Literal["x", "a"]) -> TextIO:
+    """The file, open for whoever writes the record, one at a time; the operating system frees it when they end. Raises
+    OSError, BadRecord where somebody else writes it."""
+    file = path.open(mode, encoding="utf-8")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise BadRecord(
+            f"{path.parent} is written by another process; wait until that has ended, or end it, and carry on then"
+        ) from None
+    except OSError:  # a file system without locks
+        pass
+    return file
 
 
 def read_state(folder: Path) -> MissionState | None:
-    """Where the mission was left, or null where it had not come so far. Raises ValueError for a state of another
-    version."""
-    try:
-        return MissionState.model_validate_json((folder / "state.json").read_text(encoding="utf-8"))
-    except FileNotFoundError:
+    """Where the mission was left, or null where it had not come so far. Raises BadRecord for a state that is damaged or
+    of another version, and for one that knows of events, or a record of a flight, without the other."""
+    told = read_events(folder)
+    if not (folder / "state.json").exists():
+        if any(event.phase != "parse" for event in told):
+            raise BadRecord(f"{folder} has events of a flight, but no state.json to carry it on from")
         return None
+    state = _read(folder, "state.json", MissionState)
+    last = told[-1].number if told else 0
+    if state.events > last:
+        raise BadRecord(
+            f"{folder} has lost something: its state.json was written after event {state.events}, its events.jsonl "
+            f"ends with event {last}"
+        )
+    return state
 
 
-def _length_of(path: Path, lines: int) -> int:
-    """How many bytes so many lines at the beginning of a file take."""
-    with path.open("rb") as file:
-        return sum(len(line) for line, _ in zip(file, range(lines), strict=False))
+def _read(folder: Path, name: str, kind: type[W]) -> W:
+    """A file of a record. Raises BadRecord, OSError."""
+    try:
+        return kind.model_validate_json((folder / name).read_bytes())
+    except FileNotFoundError:
+        raise BadRecord(f"{folder} is not the record of a delivery: it has no {name}") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise BadRecord(
+            f"{folder / name} is damaged or of another version: {f'{where}: ' if where else ''}{first['msg']}"
+        ) from None
+
+
+def read_question(folder: Path) -> DeliveryQuestion:
+    """What was asked for. Raises OSError, BadRecord."""
+    return _read(folder, "question.json", DeliveryQuestion)
+
+
+def read_result(folder: Path) -> DeliveryResult | None:
+    """The result of a delivery of any version that is done; null where there is none that is whole."""
+    try:
+        return DeliveryResult.model_validate_json((folder / "result.json").read_bytes(), extra="ignore")
+    except (OSError, ValidationError):
+        return None
 
 
 def read_delivery(folder: Path) -> Delivery | None:
     """A delivery as its record tells it, or null where the folder is not a record. One that was cut off has ended
     with outcome `failed`."""
     try:
-        delivery = Delivery.model_validate_json((folder / "delivery.json").read_text(encoding="utf-8"))
-    except (OSError, ValidationError):
+        delivery = _read(folder, "delivery.json", Delivery)
+    except (OSError, BadRecord):
         return None
-    try:
-        result = DeliveryResult.model_validate_json(
-            (folder / "result.json").read_text(encoding="utf-8"), extra="ignore"
-        )
-    except (OSError, ValidationError):
-        result = cut_off(len(read_events(folder)))
+    result = read_result(folder) or cut_off(len(read_events(folder)))
     return delivery.model_copy(
         update={"status": "done", "phase": "done", "result": result, "folder": str(folder)},
     )

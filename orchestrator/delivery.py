@@ -14,8 +14,8 @@ from mission.customer import Customer
 from mission.mission import Mission
 from mission.placement import InTrial
 from mission.policies import BadSearch, completed
-from mission.record import Record, new_id, now, read_state
-from mission.state import begin
+from mission.record import Record, new_id, now, read_question, read_result, read_state
+from mission.state import MissionState, begin
 from mission.vehicle import Trial
 from orchestrator import sample_library
 from orchestrator.summary import draw_summary
@@ -61,8 +61,8 @@ class Order:
 
     @classmethod
     def recorded(cls, folder: Path) -> Self:
-        """The order of a record. Raises OSError, ValueError where the folder holds none."""
-        question = DeliveryQuestion.model_validate_json((folder / "question.json").read_text(encoding="utf-8"))
+        """The order of a record. Raises OSError, BadRecord or BadDelivery where the folder holds none."""
+        question = read_question(folder)
         return cls(question.model_copy(update={"sample": None}) if question.scene is not None else question)
 
     def placed(self, trial: Trial) -> InTrial:
@@ -76,6 +76,8 @@ class Run:
     def __init__(self, order: Order, runs: Path, *, listener: Listener | None = None) -> None:
         """Opens the record. Raises OSError where the folder can't be written."""
         self._order = order
+        self._done: DeliveryResult | None = None
+        self._state: MissionState | None = None
         name = new_id()
         delivery = Delivery(
             id=name,
@@ -90,11 +92,18 @@ class Run:
 
     @classmethod
     def reopened(cls, folder: Path, *, listener: Listener | None = None) -> Self:
-        """The delivery of a record that another process left: `fly` carries it on. Raises OSError, ValueError where the
-        folder holds no record."""
+        """The delivery of a record that another process left: `fly` carries it on. Raises OSError, BadRecord or
+        BadDelivery where the folder holds no record, one that can't be carried on, or one that somebody still
+        writes."""
         run = cls.__new__(cls)
         run._order = Order.recorded(folder)
         run.record = Record.reopened(folder, listener=listener)
+        try:
+            run._done = read_result(folder)
+            run._state = None if run._done is not None else read_state(folder)
+        except BaseException:
+            run.record.close()
+            raise
         return run
 
     @property
@@ -102,21 +111,25 @@ class Run:
         return self.record.delivery.id
 
     async def fly(self, services: Simulated, customer: Customer | None = None) -> DeliveryResult:
-        """Flies from where the record's state is, and completes the record. Cancelling the task ends the flight, not
-        the record. Without a `customer` nobody is asked what a request leaves open."""
-        order = self._order
+        """Flies from where the record's state is, and completes the record; one that is done is not flown again.
+        Cancelling the task ends the flight, not the record. Without a `customer` nobody is asked what a request leaves
+        open."""
         try:
-            placement = order.placed(services.trial)
-            mission = Mission(
-                services.ports, placement, order.settings, self.record, customer=customer, keep=self.record.keep
+            result = self._done or await self._mission(services, customer).go_on(
+                self._state or begin(self._order.request)
             )
-            result = await mission.go_on(read_state(self.record.folder) or begin(order.request))
-            self.record.conclude(result)
+            if self._done is None:
+                self.record.conclude(result)
             await self._draw()
             self.record.announce(result)
         finally:
             self.record.close()
         return result
+
+    def _mission(self, services: Simulated, customer: Customer | None) -> Mission:
+        order, record = self._order, self.record
+        placed = order.placed(services.trial)
+        return Mission(services.ports, placed, order.settings, record, customer=customer, keep=record.keep)
 
     async def _draw(self) -> None:
         """The summary picture; a delivery without one is still a delivery."""

@@ -11,7 +11,7 @@ from contracts.geometry import Point3
 from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.clients import Simulated
 from mission.policies import completed
-from mission.record import DELIVERY_ID, PICTURE_NAME, Record, new_id, read_delivery, read_events, read_state
+from mission.record import DELIVERY_ID, PICTURE_NAME, BadRecord, Record, new_id, read_delivery, read_events, read_state
 from mission.state import begin
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import draw_summary
@@ -123,7 +123,7 @@ def test_a_record_that_was_left_is_reopened_at_its_last_whole_event(tmp_path: Pa
 
 
 def test_only_a_record_can_be_reopened(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(BadRecord, match=r"is not the record of a delivery: it has no delivery\.json"):
         Record.reopened(tmp_path)
     (tmp_path / "delivery.json").write_text("{}")
     with pytest.raises(ValueError, match="Field required"):
@@ -140,8 +140,10 @@ def test_a_state_is_read_as_it_was_kept_and_one_of_another_version_is_refused(tm
     assert read_state(tmp_path / "d") == state
     path = tmp_path / "d" / "state.json"
     path.write_text(path.read_text().replace('"version":1', '"version":2'))
-    with pytest.raises(ValueError, match="version"):
-        read_state(tmp_path / "d")
+    for damaged in (path.read_bytes().replace(b'"version":1', b'"version":2'), b"", b'{"a', b"\xff\xfe"):
+        path.write_bytes(damaged)
+        with pytest.raises(BadRecord, match=r"state\.json is damaged or of another version"):
+            read_state(tmp_path / "d")
 
 
 def test_an_event_of_an_unknown_kind_does_not_end_the_record(tmp_path: Path) -> None:
@@ -156,3 +158,78 @@ def test_an_event_of_an_unknown_kind_does_not_end_the_record(tmp_path: Path) -> 
     assert [(e.number, e.kind, e.message) for e in events[1:]] == [(2, "charged", "full"), (3, "phase", "three")]
     assert isinstance(events[1], UnknownEvent)
     assert events[1].data == {"v": 1}
+
+
+def test_line_separators_in_a_customers_words_do_not_end_an_event(tmp_path: Path) -> None:
+    words = "fourth floor,\u2028the window\u0085with the\u2029green flower pot"
+    record = record_in(tmp_path / "d")
+    record.write(1, "parse", words, NoData())
+    record.write(2, "parse", "two", NoData())
+    record.close()
+    assert [event.message for event in read_events(tmp_path / "d")] == [words, "two"]
+    Record.reopened(tmp_path / "d").close()
+    assert [event.message for event in read_events(tmp_path / "d")] == [words, "two"]
+
+
+def test_an_event_that_lost_only_the_end_of_its_line_is_written_again_on_a_line_of_its_own(tmp_path: Path) -> None:
+    left = record_in(tmp_path / "d")
+    left.write(1, "parse", "one", NoData())
+    left.write(2, "parse", "two", NoData())
+    left.close()
+    path = tmp_path / "d" / "events.jsonl"
+    path.write_bytes(path.read_bytes()[:-1])
+    record = Record.reopened(tmp_path / "d")
+    record.write(2, "parse", "two again", NoData())
+    record.write(3, "parse", "three", NoData())
+    record.close()
+    assert [event.message for event in read_events(tmp_path / "d")] == ["one", "two again", "three"]
+
+
+def test_a_record_that_somebody_still_writes_is_not_carried_on(tmp_path: Path) -> None:
+    first = record_in(tmp_path / "d")
+    first.write(1, "parse", "one", NoData())
+    with pytest.raises(BadRecord, match="is written by another process"):
+        Record.reopened(tmp_path / "d")
+    first.write(2, "parse", "two", NoData())
+    first.close()
+    Record.reopened(tmp_path / "d").close()
+    assert [event.message for event in read_events(tmp_path / "d")] == ["one", "two"]
+
+
+async def test_a_delivery_that_is_done_is_not_flown_again(tmp_path: Path) -> None:
+    world = BlockWorld(Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0)))
+    run = Run(
+        Order(DeliveryQuestion(request="floor 4, the green flower pot", scene=block_scene(world.block))), tmp_path
+    )
+    services = Simulated(block_ports(world), world)
+    result = await run.fly(services)
+    folder = run.record.folder
+    told = (folder / "events.jsonl").read_bytes()
+    (folder / "state.json").unlink()  # as in records of the first version
+    assert await Run.reopened(folder).fly(services) == result
+    assert (folder / "events.jsonl").read_bytes() == told
+
+
+def test_a_record_that_has_lost_its_events_or_its_state_is_refused(tmp_path: Path) -> None:
+    record = record_in(tmp_path / "d")
+    record.write(1, "explore", "on its way", NoData())
+    with pytest.raises(BadRecord, match=r"events of a flight, but no state\.json"):
+        read_state(tmp_path / "d")
+    record.keep(begin("floor 4, the green flower pot").model_copy(update={"events": 2}))
+    record.close()
+    with pytest.raises(BadRecord, match=r"was written after event 2, its events\.jsonl ends with event 1"):
+        read_state(tmp_path / "d")
+
+
+def test_a_record_with_a_damaged_line_amid_its_events_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    record = record_in(tmp_path / "d")
+    for number in (1, 2, 3):
+        record.write(number, "parse", f"event {number}", NoData())
+    record.close()
+    path = tmp_path / "d" / "events.jsonl"
+    lines = path.read_bytes().split(b"\n")
+    damaged = b"\n".join([lines[0], b"garbage", *lines[2:]])
+    path.write_bytes(damaged)
+    with pytest.raises(BadRecord, match=r"line 2 of .*events\.jsonl is no event"):
+        Record.reopened(tmp_path / "d")
+    assert path.read_bytes() == damaged
