@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from contracts.errors import what_is_wrong
+
 WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 T = TypeVar("T")
 
@@ -84,4 +86,5 @@ def first_problem(error: ValidationError) -> str:
     """Where the first wrong value stands, and what is wrong with it."""
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
-    return f"{where}: {first['msg']}" if where else str(first["msg"])
+    problem = what_is_wrong(first)
+    return f"{where}: {problem}" if where else problem

@@ -16,6 +16,7 @@ from typing import Annotated, Self
 from pydantic import Field, ValidationError, model_validator
 
 from contracts.base import Name, Wire
+from contracts.errors import what_is_wrong
 
 MAX_CAMERAS = 16
 MAX_RIG_BYTES = 64 * 1024
@@ -208,7 +209,7 @@ def parse_rig(text: str, source: str) -> Rig:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise BadRig(f"{source} is not a rig: {where}: {first['msg']}") from None
+        raise BadRig(f"{source} is not a rig: {where}{': ' if where else ''}{what_is_wrong(first)}") from None
     except (TypeError, ValueError, AttributeError) as error:
         raise BadRig(f"{source} is not a rig: {error}") from None
 

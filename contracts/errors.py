@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from pydantic_core import ErrorDetails
+
 from contracts.base import Wire
 
 
@@ -15,3 +17,8 @@ class ErrorDetail(Wire):
 
 class ErrorBody(Wire):
     error: ErrorDetail
+
+
+def what_is_wrong(problem: ErrorDetails) -> str:
+    """A validation problem's sentence, without the "Value error, " that the library puts before one of ours."""
+    return str(problem["msg"]).removeprefix("Value error, ")

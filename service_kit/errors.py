@@ -17,7 +17,7 @@ from fastapi.responses import Response
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
-from contracts.errors import ErrorBody, ErrorDetail
+from contracts.errors import ErrorBody, ErrorDetail, what_is_wrong
 
 log = logging.getLogger("service_kit.errors")
 
@@ -90,7 +90,7 @@ def install_error_renderer(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def _invalid(_: Request, error: RequestValidationError) -> Response:
         problems = [
-            {"field": ".".join(str(part) for part in e["loc"] if part != "body") or "body", "problem": str(e["msg"])}
+            {"field": ".".join(str(part) for part in e["loc"] if part != "body") or "body", "problem": what_is_wrong(e)}
             for e in error.errors()[:8]
         ]
         first = problems[0] if problems else {"field": "body", "problem": "not valid"}

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator, Callable
 import httpx
 import pytest
 from fastapi import FastAPI
-from pydantic import BaseModel
+from pydantic import BaseModel, field_validator
 
 from contracts.base import Wire
 from contracts.errors import ErrorBody
@@ -20,6 +20,13 @@ SECRET = "s3cret-token"
 class Echo(Wire):
     text: str
     number: float
+
+    @field_validator("text")
+    @classmethod
+    def _says_something(cls, text: str) -> str:
+        if not text:
+            raise ValueError("nothing is said; give a word")
+        return text
 
 
 def echo_app(token: str | None = None) -> FastAPI:
@@ -69,6 +76,7 @@ def test_a_good_question_is_answered(url: str) -> None:
     [
         (b'{"text": "a", "number": NaN}', "number: Input should be a finite number"),
         (b'{"text": "a"}', "number: Field required"),
+        (b'{"text": "", "number": 1}', "text: nothing is said; give a word"),
         (b'{"text": "a", "number": 1, "more": 2}', "more: Extra inputs are not permitted"),
         (b'{"text": ', "JSON decode error"),
         (b"", "Field required"),
