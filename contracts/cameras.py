@@ -23,6 +23,9 @@ MAX_RIG_BYTES = 64 * 1024
 MAX_VIEW_PIXELS = 1600 * 1600
 """Of one camera's picture, for the services to draw, read and measure it."""
 AHEAD_DEG = 1.0
+MIN_FOV_DEG, MAX_FOV_DEG = 1.0, 170.0
+"""Of a camera that a rig's file gives by its field of view: what is wider is no pinhole camera, what is narrower sees
+nothing."""
 MountingMetres = Annotated[float, Field(ge=-5.0, le=5.0)]
 Pixels = Annotated[int, Field(ge=16, le=4096)]
 FocalPixels = Annotated[float, Field(gt=1.0, le=100_000.0)]
@@ -172,7 +175,7 @@ def rig_names() -> tuple[str, ...]:
 def shipped_rig(name: str) -> Rig:
     """The rig of that name. Raises BadRig."""
     if name not in rig_names():
-        raise BadRig(f"there is no rig {name!r}; there are {', '.join(rig_names())}, or give a file")
+        raise BadRig(f"there is no rig {name!r}; there are {', '.join(rig_names())}")
     return parse_rig((resources.files("contracts") / "rigs" / f"{name}.toml").read_text(encoding="utf-8"), name)
 
 
@@ -187,14 +190,14 @@ def load_rig(name_or_file: str) -> Rig:
     if name_or_file in rig_names():
         return shipped_rig(name_or_file)
     path = Path(name_or_file)
-    if not path.is_file():
-        raise BadRig(f"{name_or_file} is neither a file nor one of the shipped rigs: {', '.join(rig_names())}")
     try:
+        if not path.is_file():
+            raise BadRig(f"{name_or_file!r} is neither a file nor one of the shipped rigs: {', '.join(rig_names())}")
         if path.stat().st_size > MAX_RIG_BYTES:
             raise BadRig(f"{path} is larger than {MAX_RIG_BYTES} bytes: that is no rig")
         return parse_rig(path.read_text(encoding="utf-8"), str(path))
     except (OSError, UnicodeDecodeError) as error:
-        raise BadRig(f"{path} can't be read: {error}") from None
+        raise BadRig(f"{path} can't be read: {_why(error)}") from None
 
 
 def parse_rig(text: str, source: str) -> Rig:
@@ -202,28 +205,39 @@ def parse_rig(text: str, source: str) -> Rig:
     point in pixels. `source` is named in errors. Raises BadRig."""
     try:
         document = tomllib.loads(text)
-        cameras = [_camera(entry) for entry in document.pop("cameras", [])]
-        return Rig.model_validate({**document, "cameras": cameras})
+        entries = document.pop("cameras", [])
+        if not isinstance(entries, list):
+            raise ValueError("cameras must be tables, each headed [[cameras]]")
+        return Rig.model_validate({**document, "cameras": [_camera(entry) for entry in entries]})
     except tomllib.TOMLDecodeError as error:
         raise BadRig(f"{source} is not TOML: {error}") from None
+    except RecursionError:
+        raise BadRig(f"{source} is not a rig: it is nested too deeply") from None
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise BadRig(f"{source} is not a rig: {where}{': ' if where else ''}{what_is_wrong(first)}") from None
-    except (TypeError, ValueError, AttributeError) as error:
+    except ValueError as error:
         raise BadRig(f"{source} is not a rig: {error}") from None
 
 
-def _camera(entry: dict[str, object]) -> dict[str, object] | Camera:
-    if "horizontal_fov_deg" not in entry:
+def _why(error: OSError | UnicodeDecodeError) -> str:
+    if isinstance(error, UnicodeDecodeError):
+        return "it is not a text in UTF-8"
+    return error.strerror or type(error).__name__
+
+
+def _camera(entry: object) -> object:
+    """Raises ValueError."""
+    if not isinstance(entry, dict) or "horizontal_fov_deg" not in entry:
         return entry
     clash = sorted({"fx_px", "fy_px", "cx_px", "cy_px"} & set(entry))
     if clash:
         raise ValueError(f"a camera with horizontal_fov_deg has no {', '.join(clash)}: give one or the other")
     rest = dict(entry)
     fov = rest.pop("horizontal_fov_deg")
-    if not isinstance(fov, int | float) or not 0.0 < fov < 180.0:
-        raise ValueError(f"horizontal_fov_deg must lie between 0 and 180, not {fov!r}")
+    if isinstance(fov, bool) or not isinstance(fov, int | float) or not MIN_FOV_DEG <= fov <= MAX_FOV_DEG:
+        raise ValueError(f"horizontal_fov_deg must lie between {MIN_FOV_DEG:g} and {MAX_FOV_DEG:g}, not {fov!r}")
     width, height = rest.get("width"), rest.get("height")
     if not isinstance(width, int) or not isinstance(height, int):
         raise ValueError("a camera needs width and height in whole pixels")
