@@ -35,7 +35,7 @@ class Order:
     """A delivery that is sound: the request, the scene, the settings with the back end filled in."""
 
     def __init__(self, question: DeliveryQuestion) -> None:
-        """Raises BadDelivery for a question without scene or request, or an unknown sample."""
+        """Raises BadDelivery for a question without scene or request, an unknown sample, or two models."""
         if (question.scene is None) == (question.sample is None):
             raise BadDelivery("give either a scene or the name of a sample")
         request, scene = question.request, question.scene
@@ -53,6 +53,9 @@ class Order:
             self.settings: MissionSettings = completed(question.settings)
         except (BadSearch, BadExtension) as error:
             raise BadDelivery(str(error)) from None
+        named = (question.backend, self.settings.vision_model)
+        if None not in named and named[0] != named[1]:
+            raise BadDelivery(f"backend {named[0]} and settings.vision_model {named[1]} differ: name one of them")
         if question.backend is not None and self.settings.vision_model is None:
             self.settings = self.settings.model_copy(update={"vision_model": question.backend})
         self.question = question.model_copy(

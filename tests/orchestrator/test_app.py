@@ -109,6 +109,15 @@ def test_a_setting_that_would_have_no_effect_is_refused(door, runs: Path, settin
     assert not runs.exists()
 
 
+def test_two_names_for_the_vision_model_that_differ_are_refused(door, runs: Path) -> None:
+    world = BlockWorld(BEHIND)
+    named = {"backend": "oracle", "settings": {"image_size": 120, "vision_model": "embedded"}}
+    refused = door(world).post("/v1/deliveries", json=order(world, **named))
+    assert refused.status_code == 422
+    assert "backend oracle and settings.vision_model embedded differ" in refused.json()["error"]["message"]
+    assert not runs.exists()
+
+
 def test_a_model_without_eyes_is_refused_and_a_gateway_that_is_away_is_the_missions_business(door) -> None:
     world = BlockWorld(BEHIND)
     blind = ServiceRefused("vlm_gateway: model 'words' takes no pictures", code="bad_question", status=422)
