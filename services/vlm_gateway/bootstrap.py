@@ -19,21 +19,18 @@ from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.cache.opened import cache_of
 from services.vlm_gateway.chat.backend import ChatBackend
-from services.vlm_gateway.config import (
-    ChatLimits,
+from services.vlm_gateway.config import ChatLimits, api_key, chat_model, load_config
+from services.vlm_gateway.gateway import Gateway
+from services.vlm_gateway.hot.frontend import Frontend
+from services.vlm_gateway.keys import Keys
+from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.model_configs import (
     ChatModelConfig,
     EmbeddedModelConfig,
     ModelConfig,
     OracleModelConfig,
     OracleNoise,
-    api_key,
-    chat_model,
-    load_config,
 )
-from services.vlm_gateway.gateway import Gateway
-from services.vlm_gateway.hot.frontend import Frontend
-from services.vlm_gateway.keys import Keys
-from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.question_extensions import extension_questions
 from services.vlm_gateway.questions import KINDS
 from services.vlm_gateway.reloading import Reloader

@@ -27,8 +27,8 @@ from services.vlm_gateway.backends.base import (
 from services.vlm_gateway.backends.embedded import EmbeddedBackend
 from services.vlm_gateway.backends.oracle import OracleBackend, asked_vehicle
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
-from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.embedded.model import EmbeddedModel
+from services.vlm_gateway.model_configs import OracleModelConfig
 from tests.cameras import square
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import chat_backend

@@ -13,7 +13,7 @@ import numpy as np
 from contracts.geometry import Box
 from contracts.sim import Truth, TruthView, VisibleObject
 from contracts.vlm_gateway import Match, Role
-from services.vlm_gateway.config import OracleNoise
+from services.vlm_gateway.model_configs import OracleNoise
 
 _SMALLEST = 1e-3
 _FALSE_CONFIDENCE = (0.4, 1.0)

@@ -30,8 +30,8 @@ from services.vlm_gateway.backends.base import (
     Sightings,
 )
 from services.vlm_gateway.backends.noise import Count, Faults
-from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
+from services.vlm_gateway.model_configs import OracleModelConfig
 
 A = TypeVar("A", bound=BaseModel)
 WHOLE_COUNT, BUILDING_BOX, WHOLE_LOOK = "0", "1000", "2000"

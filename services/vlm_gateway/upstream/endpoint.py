@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from urllib.parse import urlencode, urlsplit
 
-from services.vlm_gateway.config import ChatModel, ServerConfig
+from services.vlm_gateway.config import ChatModel
+from services.vlm_gateway.model_configs import ServerConfig
 from services.vlm_gateway.tracking import request_id
 from services.vlm_gateway.upstream.health import ServerHealth
 from services.vlm_gateway.upstream.http_reply import Buffer

@@ -21,10 +21,11 @@ from services.vlm_gateway.cache.guard import GuardedCache, Mode
 from services.vlm_gateway.cache.port import Cache
 from services.vlm_gateway.cache.sqlite import SqliteCache
 from services.vlm_gateway.chat.backend import ChatBackend
-from services.vlm_gateway.config import ChatModel, ChatModelConfig, chat_model
+from services.vlm_gateway.config import ChatModel, chat_model
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.model_configs import ChatModelConfig
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.accounts import Accounts, Price
 from services.vlm_gateway.usage.ledger import Ledger

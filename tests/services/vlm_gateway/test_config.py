@@ -10,7 +10,8 @@ import pytest
 
 from service_kit.settings import BadSetting
 from services.vlm_gateway.bootstrap import build
-from services.vlm_gateway.config import ChatLimits, ChatModelConfig, KeyConfig, chat_model, load_config
+from services.vlm_gateway.config import ChatLimits, KeyConfig, chat_model, load_config
+from services.vlm_gateway.model_configs import ChatModelConfig
 from services.vlm_gateway.presets import families, servers
 from services.vlm_gateway.settings import GatewaySettings
 

@@ -14,8 +14,8 @@ from service_kit.client import ServiceClient
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk
 from services.vlm_gateway.backends.oracle import OracleBackend, asked_vehicle, end_of, sharp
-from services.vlm_gateway.config import OracleModelConfig
 from services.vlm_gateway.errors import ModelUnreachable
+from services.vlm_gateway.model_configs import OracleModelConfig
 from tests.cameras import square
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import (

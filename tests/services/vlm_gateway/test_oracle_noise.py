@@ -6,7 +6,7 @@ from contracts.geometry import Box, Pose
 from contracts.sim import Truth, TruthView, VisibleObject
 from service_kit.settings import BadSetting
 from services.vlm_gateway.backends.noise import Count, Faults
-from services.vlm_gateway.config import NO_NOISE, OracleNoise
+from services.vlm_gateway.model_configs import NO_NOISE, OracleNoise
 from services.vlm_gateway.settings import GatewaySettings
 
 BOX = Box(x_min=0.4, y_min=0.4, x_max=0.5, y_max=0.6)

@@ -14,7 +14,8 @@ from services.vlm_gateway.backends.base import Picture
 from services.vlm_gateway.chat import schemas
 from services.vlm_gateway.chat.boxes import Size
 from services.vlm_gateway.chat.grammar import gbnf
-from services.vlm_gateway.config import ChatModelConfig, chat_model
+from services.vlm_gateway.config import chat_model
+from services.vlm_gateway.model_configs import ChatModelConfig
 from services.vlm_gateway.presets import families, servers
 from services.vlm_gateway.reencode import fresh
 from tests.conftest import Serve
