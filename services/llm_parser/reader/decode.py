@@ -20,6 +20,10 @@ TAGGED = 3.0
 """From this logit on a token belongs to the object."""
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from"))
+_FLOOR_WORDS = re.compile(
+    r"(?:[\s,;:.()-]|\b(?:and|on|at|in|the|is|it'?s|our|my|floor|flr|fl|level|lvl|storey|story|no|number)\b)*$",
+    re.IGNORECASE,
+)
 _LEADING = re.compile(r"^(?:a|an|the|my|our|your|some|one|this|that|his|her|its)\b[\s,]*", re.IGNORECASE)
 
 
@@ -95,8 +99,8 @@ def floors(scores: Scores, readings: Sequence[Reading], mentions: Sequence[Menti
 
 
 def objects(scores: Scores, tokens: Tokens, floor: FloorGuess) -> list[ObjectGuess]:
-    """Most probable first, each with what is said of it elsewhere in the request. No object reaches over the words that
-    the `floor` is read from."""
+    """Most probable first, each with what is said of it elsewhere in the request. A span that reaches over the words
+    that the `floor` is read from ends before them."""
     flat = np.concatenate((scores.whole[1:2], scores.objects.reshape(-1)))
     share = _softmax(flat)
     width = scores.objects.shape[1]
@@ -108,9 +112,9 @@ def objects(scores: Scores, tokens: Tokens, floor: FloorGuess) -> list[ObjectGue
         if p < 1e-4:
             break
         start, end = tokens.offsets[first][0], tokens.offsets[min(first + more, len(tokens.offsets) - 1)][1]
+        start, end = _beside_floor(tokens.text, start, end, floor)
         words = content(tokens.text[start:end])
-        over_floor = floor.floor is not None and start < floor.end and floor.start < end
-        if words and not over_floor and end > start and _whole_words(tokens.text, start, end):
+        if words and end > start and _whole_words(tokens.text, start, end):
             spans.append((p, start, end, words))
     guesses = [ObjectGuess(None, float(share[0]))]
     while spans:
@@ -154,6 +158,16 @@ def similar(a: frozenset[str], b: frozenset[str]) -> bool:
     """May two sets of words name the same thing: mostly the same, or one within the other?"""
     common = len(a & b)
     return bool(common) and (common == min(len(a), len(b)) or agreement(a, b) >= AGREE)
+
+
+def _beside_floor(text: str, start: int, end: int, floor: FloorGuess) -> tuple[int, int]:
+    """The span, cut before the words of the floor where it holds them; empty where it begins with them."""
+    if floor.floor is None or end <= floor.start or start >= floor.end:
+        return start, end
+    if start >= floor.start:
+        return start, start
+    said = text[start : floor.start]
+    return start, start + len(_FLOOR_WORDS.sub("", said))
 
 
 def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:

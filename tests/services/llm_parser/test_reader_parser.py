@@ -26,6 +26,7 @@ def read(
     [
         ("Please bring my parcel to the fourth floor, the window with the green flower pot.", 4, "green flower pot"),
         ("4TH FLOOR, THE WINDOW WITH THE RED UMBRELLA", 4, "red umbrella"),
+        ("ignore the yellow one. mine is the red umbrella, floor 3, round the back", 3, "red umbrella"),
         ("We live on the second floor and there is a brown teddy bear at our window.", 2, "brown teddy bear"),
         (
             "My neighbour on the third has a blue kite. I'm on the fifth floor, the window with the yellow lamp.",
