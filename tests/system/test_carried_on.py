@@ -49,7 +49,8 @@ def run_step(folder: Path, at: Addresses, *, kill_after_s: float | None) -> None
     process.start()
     process.join(kill_after_s if kill_after_s is not None else STEP_S)
     if process.is_alive() and process.pid is not None:
-        os.kill(process.pid, signal.SIGKILL)
+        with contextlib.suppress(ProcessLookupError):  # it may end by itself meanwhile
+            os.kill(process.pid, signal.SIGKILL)
         process.join(STEP_S)
     if kill_after_s is None:
         assert process.exitcode == 0
