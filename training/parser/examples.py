@@ -9,10 +9,11 @@ import torch
 from tokenizers import Tokenizer
 from torch import Tensor
 
+from services.llm_parser.reader.decode import SIDES, content
 from services.llm_parser.reader.floors import readings
 from services.llm_parser.reader.mentions import find_mentions
 from training.parser.net import MOST_COUNT, SPAN_TOKENS
-from training.parser.rows import SIDES, Forms, Row, Span, content
+from training.parser.rows import Forms, Row, Span
 
 MOST_TOKENS = 192
 

@@ -10,8 +10,8 @@ import math
 import torch
 from torch import Tensor, nn
 
+from services.llm_parser.reader.decode import SIDES
 from services.llm_parser.reader.floors import ONE_OPERATIONS, PAIR_OPERATIONS
-from training.parser.rows import SIDES
 
 HIDDEN = 384
 HEADS = 12

@@ -1,15 +1,12 @@
 """Labelled requests as rows whose labels are spans of the text, so that a text can be edited and stay labelled."""
 
 import json
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-SIDES = ("left", "right", "above", "below")
-_STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
-_STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from"))
+from services.llm_parser.reader.decode import SIDES, agreement, content
 
 
 class Span(NamedTuple):
@@ -118,25 +115,6 @@ def _spans(text: str, parts: Sequence[str]) -> tuple[Span, ...]:
             spans.append(Span(start, start + len(part)))
             at = start + len(part)
     return tuple(spans)
-
-
-def words(text: str) -> list[str]:
-    """Lower-case words without possessives and plurals."""
-    plain = text.lower().replace("w/", " with ").replace("&", " and ").replace("’", "'")
-    plain = re.sub(r"'s\b", "", plain)
-    found = re.sub(r"[^\w]+", " ", plain).split()
-    return [w[:-1] if len(w) > 3 and w.endswith("s") and not w.endswith("ss") else w for w in found]
-
-
-def content(text: str) -> frozenset[str]:
-    """The words that carry meaning."""
-    return frozenset("with" if w == "w" else w for w in words(text)) - _STOP
-
-
-def agreement(a: frozenset[str], b: frozenset[str]) -> float:
-    """F1 of two sets of words."""
-    common = len(a & b)
-    return 2 * common / (len(a) + len(b)) if common else 0.0
 
 
 class Forms:

@@ -19,7 +19,7 @@ MOST_ATTRIBUTE_WORDS = 3
 TAGGED = 3.0
 """From this logit on a token belongs to the object."""
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
-_STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from"))
+_STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
 _FLOOR_WORDS = re.compile(
     r"(?:[\s,;:.()-]|\b(?:and|on|at|in|the|is|it'?s|our|my|floor|flr|fl|level|lvl|storey|story|no|number)\b)*$",
     re.IGNORECASE,
