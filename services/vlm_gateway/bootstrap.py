@@ -16,8 +16,8 @@ from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.extension import ExtensionModelConfig, build_extension
 from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
+from services.vlm_gateway.cache.factory import cache_of
 from services.vlm_gateway.cache.guard import GuardedCache
-from services.vlm_gateway.cache.opened import cache_of
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import ChatLimits, api_key, chat_model, load_config
 from services.vlm_gateway.gateway import Gateway
@@ -39,8 +39,8 @@ from services.vlm_gateway.shared_limits import SharedPlaces
 from services.vlm_gateway.tracking import NO_TRACER, Tracer
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.usage.accounts import Accounts, Price
+from services.vlm_gateway.usage.factory import usage_store_of
 from services.vlm_gateway.usage.ledger import Ledger
-from services.vlm_gateway.usage.opened import usage_store_of
 
 
 class Configured(NamedTuple):

@@ -26,8 +26,8 @@ import pybase64
 import zstandard
 
 from service_kit.settings import BadSetting, process_environment
+from services.vlm_gateway.cache.factory import MEBIBYTE, cache_of, sqlite_place
 from services.vlm_gateway.cache.guard import MAX_VALUE_BYTES
-from services.vlm_gateway.cache.opened import MEBIBYTE, cache_of, sqlite_place
 from services.vlm_gateway.cache.port import Cache, CacheDown, Entry
 from services.vlm_gateway.settings import CacheSettings
 
