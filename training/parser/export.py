@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -50,16 +51,18 @@ def export(net: Reader, base: Path, out: Path, about: dict[str, Any]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as folder:
         plain = Path(folder) / "reader.onnx"
-        torch.onnx.export(
-            Exported(net),
-            (torch.zeros(1, 12, net.encoder.word.weight.shape[1]), torch.zeros(1, 3, 12)),
-            str(plain),
-            input_names=["embedded", "averaging"],
-            output_names=list(NAMES),
-            dynamic_axes={"embedded": {1: "tokens"}, "averaging": {1: "mentions", 2: "tokens"}},
-            opset_version=17,
-            dynamo=False,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the tracer warns of sizes that are the same for every request
+            torch.onnx.export(
+                Exported(net),
+                (torch.zeros(1, 12, net.encoder.word.weight.shape[1]), torch.zeros(1, 3, 12)),
+                str(plain),
+                input_names=["embedded", "averaging"],
+                output_names=list(NAMES),
+                dynamic_axes={"embedded": {1: "tokens"}, "averaging": {1: "mentions", 2: "tokens"}},
+                opset_version=17,
+                dynamo=False,
+            )
         quantize_dynamic(
             str(plain),
             str(out / "reader.onnx"),
