@@ -4,6 +4,7 @@
 """
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar, Generic, Literal, NamedTuple, TypeVar
 
@@ -79,9 +80,9 @@ class PointsPolicy(SearchPolicy[S, PointsMemory], Generic[S]):
 
     memory_type = PointsMemory
 
+    @abstractmethod
     def view_rule(self) -> ViewpointSettings:
         """How depth_assist picks the view."""
-        raise NotImplementedError
 
     def viewpoint_question(
         self, views: Sequence[ViewDepth], box: Box | None, memory: PointsMemory, seed: int
