@@ -181,10 +181,9 @@ def test_an_episode_s_pictures_go_where_they_are_known(serve: Serve, mocks: list
     server keeps the pictures of 6): each picture is looked at about once instead of once in two or three questions."""
     known, spread = share_computed(serve, mocks, affinity=True)
     scattered, _ = share_computed(serve, mocks, affinity=False)
-    # how quick a mock seems depends on what else the machine does: who gets which episode is left to that
-    assert known < 0.3
-    assert known < scattered
-    assert sum(questions > 0 for questions in spread) > 1, "one server took all"
+    assert known < 0.25
+    assert scattered > 0.45
+    assert min(spread) > 96 / 12
 
 
 def endpoints(count: int) -> list[Endpoint]:
