@@ -10,6 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from contracts.base import Name, Radians, Wire
+from contracts.footprint import footprint_problem
 from contracts.geometry import Point2, Point3
 
 BuildingKind = Literal["low_rise", "high_rise", "villa", "cultural"]
@@ -79,11 +80,8 @@ class Building(Wire):
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
-        area2 = sum(
-            a.x * b.y - b.x * a.y for a, b in zip(self.footprint, self.footprint[1:] + self.footprint[:1], strict=True)
-        )
-        if area2 <= 2.0:
-            raise ValueError(f"building {self.id}: the footprint must run counter-clockwise and enclose over 1 m2")
+        if problem := footprint_problem([(p.x, p.y) for p in self.footprint]):
+            raise ValueError(f"building {self.id}: {problem}")
         if self.windows.sill_m + self.windows.height_m > self.floor_height_m - 0.1:
             raise ValueError(f"building {self.id}: sill_m + height_m must stay 0.1 m below floor_height_m")
         return self

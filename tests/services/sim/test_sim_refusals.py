@@ -38,6 +38,10 @@ def changed(scene: Scene, path: str, value: object) -> dict[str, Any]:
     return dict(document)
 
 
+def corners(*places: tuple[float, float]) -> list[dict[str, float]]:
+    return [{"x": x, "y": y} for x, y in places]
+
+
 @pytest.mark.parametrize(
     ("path", "value", "code", "said"),
     [
@@ -54,6 +58,11 @@ def changed(scene: Scene, path: str, value: object) -> dict[str, Any]:
         ("start.position", {"x": 0, "y": -5.1, "z": 2}, "bad_start", "touch house"),
         ("start.position", {"x": 900, "y": 0, "z": 2}, "bad_start", "outside the world"),
         ("ground.half_size_m", 20.0, "bad_scene", "half_size_m"),
+        ("buildings.0.footprint", corners((0, 0), (10, 10), (10, 0), (0, 12)), "invalid", "cross or touch"),
+        ("buildings.0.footprint", corners((0, 0), (9, 0), (9, 9), (5, 9), (5, 99), (5, 9)), "invalid", "sharper"),
+        ("buildings.0.footprint.1.x", 1e308, "invalid", "less than or equal to 10000"),
+        ("buildings.0.footprint.1.x", 10**30, "invalid", "less than or equal to 10000"),
+        ("buildings.0.floors", 10**30, "invalid", "floors"),
         ("start.yaw", "north", "invalid", "start.yaw"),
         ("buildings", [], "invalid", "buildings"),
         ("weather", "rain", "invalid", "weather"),
