@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
 from services.sim.geometry.scene_mesh import Solid
 from services.sim.kinematics import Vector
+from services.sim.physics_meshes import collision_mesh
 
 TOUCH_M = 0.002
 """Nearer than this is a contact."""
@@ -50,8 +52,8 @@ class Sweep(NamedTuple):
 
 class _Piece(NamedTuple):
     whose: Hit
-    vertices: list[list[float]]
-    indices: list[int]
+    vertices: NDArray[np.float64]
+    indices: NDArray[np.int64]
 
 
 class Blueprint:
@@ -152,14 +154,7 @@ class World:
     def _build(self, blueprint: Blueprint) -> None:
         client = self._client
         for piece in blueprint.pieces:
-            shape = pybullet.createCollisionShape(
-                pybullet.GEOM_MESH,
-                vertices=piece.vertices,
-                indices=piece.indices,
-                flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH,
-                physicsClientId=client,
-            )
-            self._add(piece.whose, shape, (0.0, 0.0, 0.0))
+            self._add(piece.whose, collision_mesh(piece.vertices, piece.indices, client), (0.0, 0.0, 0.0))
         e = blueprint.half_size_m
         bounds: tuple[tuple[str, Vector, Vector], ...] = (
             (GROUND, (0, 0, 1), (0, 0, 0)),
@@ -185,8 +180,8 @@ class World:
 
 
 def _pieces(solid: Solid) -> Iterator[_Piece]:
-    """A solid as lists, split where PyBullet's shared memory would be too small for it at once."""
+    """A solid in pieces, split where PyBullet's shared memory would be too small for it at once."""
     for first in range(0, len(solid.faces), _FACES_PER_BODY):
         faces = solid.faces[first : first + _FACES_PER_BODY]
         used, indices = np.unique(faces, return_inverse=True)
-        yield _Piece(Hit(solid.part, solid.name), solid.positions[used].tolist(), indices.ravel().tolist())
+        yield _Piece(Hit(solid.part, solid.name), solid.positions[used], indices.ravel())

@@ -21,6 +21,7 @@ from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.physics_meshes import visual_mesh
 from services.sim.render.light import WEATHER, sun_direction
 from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
 
@@ -56,16 +57,7 @@ class TinyScene:
     def _body(self, faces: NDArray[np.uint32], uv: NDArray[np.float32], texture: int) -> int:
         used, indices = np.unique(faces, return_inverse=True)
         mesh = self.scene.mesh
-        shape = pybullet.createVisualShape(
-            pybullet.GEOM_MESH,
-            vertices=mesh.positions[used].tolist(),
-            indices=indices.ravel().tolist(),
-            normals=mesh.normals[used].tolist(),
-            uvs=uv[used].tolist(),
-            rgbaColor=(1, 1, 1, 1),
-            specularColor=(0, 0, 0),
-            physicsClientId=self.client,
-        )
+        shape = visual_mesh(mesh.positions[used], mesh.normals[used], uv[used], indices, self.client)
         body = int(pybullet.createMultiBody(0, -1, shape, physicsClientId=self.client))
         pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=self.client)
         return body

@@ -1,5 +1,7 @@
 import math
+import resource
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -209,3 +211,21 @@ def test_a_closed_world_answers_nothing_and_may_be_closed_twice(world: World) ->
     world.close()
     with pytest.raises(pybullet.error):
         world.clearance_m((0.0, 0.0, 6.0))
+
+
+def test_a_hundred_worlds_leave_no_memory_behind() -> None:
+    corners = np.random.default_rng(7).uniform(0.0, 9.0, (2_000, 3))
+    rough = Solid(1, "rough", corners, np.arange(1_998).reshape(-1, 3).astype(np.int32))
+
+    def build(worlds: int) -> None:
+        for _ in range(worlds):
+            World(Blueprint([rough], half_size_m=40.0, roof_m=9.0), radius_m=0.35).close()
+
+    build(10)
+    before = resident_mb()
+    build(100)
+    assert resident_mb() - before < 5.0  # where lists stay behind it is over 40
+
+
+def resident_mb() -> float:
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 2**20
