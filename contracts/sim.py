@@ -3,9 +3,14 @@ the truth. How the vehicle is flown is in `contracts.vehicle`; its base address 
 
     POST   /v1/episodes             Episode; EpisodeQuestion
     GET    /v1/episodes/{id}/trial  Episode
+    POST   /v1/episodes/{id}/renew  Episode; a sign of life of whoever flies it, and nothing else
     POST   /v1/episodes/{id}/claim  Verdict; Claim
     POST   /v1/episodes/{id}/truth  Truth; TruthQuestion; only where it is switched on
-    DELETE /v1/episodes?key=...     frees the episode that was begun, or is being begun, under a key
+    DELETE /v1/episodes?key=...     frees the episode that was begun, or is being begun, under a key; `owner=...` all
+                                    that were begun for an owner
+
+Whoever flies an episode holds it by a lease: every call on it renews the lease, and where calls are far apart, because
+a model thinks, `renew` does. An episode whose lease has run out is ended.
 """
 
 from typing import Literal
@@ -19,6 +24,7 @@ from contracts.scene import Scene
 from contracts.vehicle import VehicleState
 
 Renderer = Literal["moderngl", "tiny"]
+MAX_LEASE_S = 86_400.0
 SUCCESS_RADIUS_M = 3.0
 """How near to its window's centre a delivery ends."""
 
@@ -41,17 +47,21 @@ class Flight(Wire):
 
 class EpisodeQuestion(Wire):
     """A drone with these cameras at the start of a scene. `key`: the caller's own name for it; the same key and
-    question again is the same episode, so that asking twice begins nothing twice. Choose one that nobody guesses."""
+    question again is the same episode, so that asking twice begins nothing twice. `owner`: for whom it is begun; a
+    simulator may bound how many episodes one has. Whoever knows key or owner can end it: choose names that nobody
+    guesses. `lease_s`: seconds without a call until it is ended; the simulator's usual ones without it."""
 
     scene: Scene
     flight: Flight = Flight()
     rig: Rig = Field(default_factory=default_rig)
     key: Name | None = None
+    owner: Name | None = None
+    lease_s: float | None = Field(default=None, ge=1.0, le=MAX_LEASE_S)
 
 
 class Episode(Wire):
     """What a trial adds to its vehicle. `id` is the vehicle's name; `status`: `flying` until a claim ends it
-    (`claimed`); `expires_in_s` after the last call it is given up."""
+    (`claimed`); without a call it is ended after `expires_in_s`, of a lease of `lease_s`."""
 
     id: Name
     status: Literal["flying", "claimed"]
@@ -60,6 +70,7 @@ class Episode(Wire):
     renderer_detail: str
     flight: Flight
     rig: Name
+    lease_s: float
     expires_in_s: float
     vehicle: VehicleState
 

@@ -23,6 +23,8 @@ from service_kit.settings import process_environment
 
 M = TypeVar("M", bound=BaseModel)
 _TIMEOUT_S = 120.0
+_LEASE_S = 900.0
+"""A tool may think longer about one picture than a mission does, and renews nothing."""
 
 
 class SimulatorFault(RuntimeError):
@@ -43,7 +45,7 @@ class SimClient:
 
     def open(self, scene: Scene, rig: Rig | None = None) -> Episode:
         """A drone at the scene's start, with the default rig where no other is wanted."""
-        question = EpisodeQuestion(scene=scene, rig=rig or default_rig())
+        question = EpisodeQuestion(scene=scene, rig=rig or default_rig(), lease_s=_LEASE_S)
         return self._call("POST", "/v1/episodes", question, Episode)
 
     def observe(self, episode: str, cameras: Sequence[str], depth: bool = False) -> Observation:

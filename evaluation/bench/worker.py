@@ -39,7 +39,7 @@ END_S = 20.0
 DYING_S = 2.0
 """How long a service that stopped answering may take to be gone, before it counts as running."""
 _GLANCE_S = 0.02
-IDLE_S = "86400"
+LEASE_S = "86400"
 """An episode that was opened ahead waits for its turn, however long the one before it takes."""
 
 Kept = Literal["none", "failures", "all"]
@@ -131,7 +131,10 @@ class Worker:
             ports,
             Path(job.logs) / str(self._starts),
             environment=environment,
-            extra={"sim": {"SIM_IDLE_S": IDLE_S} | sim | job.sim, "vlm_gateway": gateway | job.gateway},
+            extra={
+                "sim": {"SIM_LEASE_S": LEASE_S} | sim | job.sim,
+                "vlm_gateway": gateway | job.gateway,
+            },
         )
         # remembered before it is ready, so that whatever interrupts the start stops it
         self._group = group

@@ -21,7 +21,8 @@ from contracts.vehicle import (
     VehicleState,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import NotFound
+from service_kit.errors import BadQuestion, NotFound
+from service_kit.leaving import while_asked
 from service_kit.metrics import HttpMetrics
 from services.sim.episodes import Episodes
 from services.sim.render.thread import RendererBusy, RenderThread
@@ -49,7 +50,7 @@ def build_app(
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        keeper = asyncio.create_task(_give_up_idle(episodes))
+        keeper = asyncio.create_task(_end_orphans(episodes))
         yield
         keeper.cancel()
         with suppress(asyncio.CancelledError):
@@ -88,14 +89,25 @@ def build_app(
         return await episodes.start(question, request.is_disconnected)
 
     @app.delete("/v1/episodes", status_code=204)
-    async def free_episode(key: Name) -> None:
-        """Ends the episode that was begun, or is being begun, under this key; an unknown key is no error."""
-        await episodes.free(key)
+    async def free_episodes(key: Name | None = None, owner: Name | None = None) -> None:
+        """Ends the episode that was begun, or is being begun, under this key, or all of this owner; where there are
+        none that is no error."""
+        if (key is None) == (owner is None):
+            raise BadQuestion("name either a key or an owner: DELETE /v1/episodes?key=<key>")
+        if key is not None:
+            await episodes.free(key)
+        if owner is not None:
+            await episodes.free_all(owner)
 
     @app.get("/v1/episodes/{episode_id}/trial")
     async def get_trial(episode_id: EpisodeId) -> Episode:
-        """The scene, who draws it, whether it was claimed, when it expires. Asking doesn't keep an episode alive."""
+        """The scene, who draws it, whether it was claimed, when it expires. Asking doesn't renew the lease."""
         return episodes.trial(episode_id)
+
+    @app.post("/v1/episodes/{episode_id}/renew")
+    async def renew_lease(episode_id: EpisodeId) -> Episode:
+        """A sign of life. Looks, moves and the other calls that do something renew the lease as well."""
+        return episodes.renew(episode_id)
 
     @app.post("/v1/episodes/{episode_id}/claim")
     async def claim_delivery(episode_id: EpisodeId, claim: Annotated[Claim, Body()] = NOTHING_NAMED) -> Verdict:
@@ -103,14 +115,14 @@ def build_app(
         return await episodes.claim(episode_id, claim)
 
     @app.post("/v1/episodes/{episode_id}/truth")
-    async def tell_truth(episode_id: EpisodeId, question: TruthQuestion) -> Truth:
+    async def tell_truth(request: Request, episode_id: EpisodeId, question: TruthQuestion) -> Truth:
         """What is really there, where that is switched on."""
         if not truth:
             raise NotFound(
                 "the truth is not told by this simulator; start it with SIM_TRUTH=on where an oracle is wanted",
                 code="truth_off",
             )
-        return await episodes.truth(episode_id, question)
+        return await while_asked(request, episodes.truth(episode_id, question))
 
     return app
 
@@ -121,7 +133,7 @@ def _add_vehicle_routes(app: FastAPI, episodes: Episodes) -> None:
 
     @app.get(base)
     async def get_state(episode_id: EpisodeId) -> VehicleState:
-        """Where the drone is, also on its way, and how far it has come. Asking doesn't keep an episode alive."""
+        """Where the drone is, also on its way, and how far it has come. Asking doesn't renew the lease."""
         return episodes.state(episode_id)
 
     @app.get(f"{base}/capabilities")
@@ -131,13 +143,14 @@ def _add_vehicle_routes(app: FastAPI, episodes: Episodes) -> None:
 
     @app.get(f"{base}/observation", response_model=Observation)
     async def observe(
+        request: Request,
         episode_id: EpisodeId,
         cameras: Annotated[str | None, Query(max_length=1500, description="names by commas; all without it")] = None,
         depth: bool = True,
     ) -> Response:
-        """Pictures, and depth unless `depth=false`, of one moment."""
+        """Pictures, and depth unless `depth=false`, of one moment; not drawn where the caller has left."""
         names = None if cameras is None else tuple(name.strip() for name in cameras.split(","))
-        return json_response(await episodes.look(episode_id, names, depth))
+        return json_response(await while_asked(request, episodes.look(episode_id, names, depth)))
 
     @app.post(f"{base}/take-off")
     async def take_off(episode_id: EpisodeId, question: Annotated[TakeOff, Body()] = USUAL_HEIGHT) -> VehicleState:
@@ -180,8 +193,8 @@ def _add_vehicle_routes(app: FastAPI, episodes: Episodes) -> None:
         await episodes.end(episode_id)
 
 
-async def _give_up_idle(episodes: Episodes) -> None:
-    pause_s = min(5.0, max(0.05, episodes.limits.idle_s / 4))
+async def _end_orphans(episodes: Episodes) -> None:
+    pause_s = min(5.0, max(0.05, episodes.limits.lease_s / 4))
     while True:
         await asyncio.sleep(pause_s)
         await episodes.expire()

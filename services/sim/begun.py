@@ -61,6 +61,11 @@ class BegunEpisodes:
             return
         await self._end(episode_id)
 
+    async def free_all(self, owner: str) -> None:
+        """`free` for every key of an owner."""
+        for key in [key for key, begun in self._by_key.items() if begun.question.owner == owner]:
+            await self.free(key)
+
     def forget(self, episode_id: str) -> None:
         """The episode is over: its key is free again."""
         gone = [key for key, begun in self._by_key.items() if _brought(begun) == episode_id]
@@ -70,7 +75,7 @@ class BegunEpisodes:
     def _begun(self, question: EpisodeQuestion) -> Begun:
         key = question.key
         known = self._by_key.get(key) if key is not None else None
-        if known is not None and known.question != question:
+        if known is not None and _asked(known.question) != _asked(question):
             raise Conflict(
                 f"another episode was begun under the key {key}; send the same question again, or choose another key",
                 code="key_differs",
@@ -88,6 +93,11 @@ class BegunEpisodes:
             if question.key is not None:
                 self._by_key.pop(question.key, None)
             raise
+
+
+def _asked(question: EpisodeQuestion) -> EpisodeQuestion:
+    """What makes an episode the same: for whom it is begun may change, where another process goes on."""
+    return question.model_copy(update={"owner": None, "lease_s": None})
 
 
 def _brought(begun: Begun) -> str | None:

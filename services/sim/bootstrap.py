@@ -10,9 +10,10 @@ from service_kit.settings import BadSetting, revealed
 from services.sim.app import build_app
 from services.sim.catalogue import build, poster_layers
 from services.sim.catalogue.extension import catalogue_with_extensions
-from services.sim.episodes import Episodes, Limits
+from services.sim.episodes import Episodes
 from services.sim.geometry.scene_mesh import SceneMesh, build_scene_mesh
 from services.sim.geometry.textures import TextureSet, base_textures
+from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.gl import NoGlContext
 from services.sim.render.thread import RenderThread
@@ -24,7 +25,11 @@ def bootstrap(settings: SimSettings) -> FastAPI:
     good."""
     catalogue = catalogue_with_extensions(_textures)
     limits = Limits(
-        max_episodes=settings.sim_max_episodes, idle_s=settings.sim_idle_s, kept_scenes=settings.sim_kept_scenes
+        max_episodes=settings.sim_max_episodes,
+        max_per_owner=settings.sim_max_episodes_per_owner,
+        lease_s=settings.sim_lease_s,
+        max_lease_s=settings.sim_max_lease_s,
+        kept_scenes=settings.sim_kept_scenes,
     )
     try:
         renderer = RenderThread(lambda: choose_renderer(settings.sim_renderer))

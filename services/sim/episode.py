@@ -10,6 +10,7 @@ from service_kit.errors import Conflict, NotFound
 from services.sim.drone import Drone
 from services.sim.judge import judge
 from services.sim.kinematics import wrapped
+from services.sim.lease import Lease
 from services.sim.odometry import Odometry
 from services.sim.scenes import ReadyScene, check_start
 from services.sim.trajectory import Flown
@@ -76,8 +77,8 @@ class LiveEpisode:
         """The drone as it measures itself, also on the way."""
         return self.drone.state(self.id, self._moves)
 
-    def trial(self, expires_in_s: float) -> Episode:
-        """What the trial adds to the drone. `expires_in_s` is told by whoever keeps the clock."""
+    def trial(self, lease: Lease) -> Episode:
+        """What the trial adds to the drone."""
         return Episode(
             id=self.id,
             status="flying" if self._verdict is None else "claimed",
@@ -86,7 +87,8 @@ class LiveEpisode:
             renderer_detail=self._renderer_detail,
             flight=self.flight,
             rig=self.rig.name,
-            expires_in_s=max(0.0, expires_in_s),
+            lease_s=lease.lease_s,
+            expires_in_s=lease.left_s,
             vehicle=self.state(),
         )
 

@@ -1,4 +1,4 @@
-"""All live episodes: who may fly, who waits for whom, and when an idle one is given up.
+"""All live episodes: who may fly, who waits for whom, and when one is ended that nobody flies any more.
 
 Calls on one episode run one after the other. A flight is under way between calls: it is begun by one and advanced in
 slices, so that others (a look, the state, a cancellation) find the drone on its way. Different episodes meet only where
@@ -9,10 +9,11 @@ import asyncio
 import os
 import secrets
 import time
+from collections import Counter
 from collections.abc import AsyncIterator, Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from contracts.sim import Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
 from contracts.vehicle import (
@@ -23,10 +24,12 @@ from contracts.vehicle import (
     VehicleCapabilities,
     VehicleState,
 )
-from service_kit.errors import NotFound, TooMany
+from service_kit.errors import NotFound
 from services.sim.begun import BegunEpisodes, Left
 from services.sim.episode import LiveEpisode
 from services.sim.flight_loop import FlightLoop
+from services.sim.lease import Clock, Lease
+from services.sim.limits import Limits, check_room, granted_lease_s
 from services.sim.render.thread import RenderThread
 from services.sim.scene_cache import CachedScene, SceneCache
 from services.sim.scenes import SceneBuilder
@@ -35,28 +38,24 @@ from services.sim.senses import Senses, check
 T = TypeVar("T")
 
 
-class Limits(NamedTuple):
-    """max_episodes: live at once; idle_s: seconds without a call until one is given up; kept_scenes: built scenes
-    that stay though nobody flies in them."""
-
-    max_episodes: int = 16
-    idle_s: float = 900.0
-    kept_scenes: int = 4
-
-
 class _Live:
     """A live episode with what its calls share."""
 
-    def __init__(self, episode: LiveEpisode, cached: CachedScene, senses: Senses) -> None:
+    def __init__(self, episode: LiveEpisode, cached: CachedScene, senses: Senses, lease: Lease) -> None:
         self.episode = episode
         self.cached = cached
         self.senses = senses
+        self.lease = lease
         self.flight = FlightLoop(episode)
         self.turn = asyncio.Lock()
 
     @property
     def busy(self) -> bool:
         return self.turn.locked() or self.flight.running
+
+    @property
+    def orphaned(self) -> bool:
+        return self.lease.over and not self.busy
 
 
 class Episodes:
@@ -67,7 +66,7 @@ class Episodes:
         build: SceneBuilder,
         renderer: RenderThread,
         limits: Limits,
-        clock: Callable[[], float] = time.monotonic,
+        clock: Clock = time.monotonic,
         truth: bool = False,
     ) -> None:
         """truth: whether `truth` will be asked; then every look keeps what each pixel shows."""
@@ -79,8 +78,7 @@ class Episodes:
         self._cache = SceneCache(build, renderer, self._workers, limits.kept_scenes)
         self._live: dict[str, _Live] = {}
         self._begun = BegunEpisodes(self._begin, self._drop)
-        self._touched: dict[str, float] = {}
-        self._starting = 0
+        self._starting: Counter[str | None] = Counter()
 
     @property
     def live(self) -> int:
@@ -100,13 +98,24 @@ class Episodes:
         """Ends what was begun under a key, or is being begun."""
         await self._begun.free(key)
 
+    async def free_all(self, owner: str) -> None:
+        """Ends all that was begun for an owner, or is being begun under a key."""
+        await self._begun.free_all(owner)
+        for episode_id in [i for i, live in self._live.items() if live.lease.owner == owner]:
+            await self._drop(episode_id)
+
     def trial(self, episode_id: str) -> Episode:
-        """What the trial adds to its vehicle. Asking doesn't keep an episode alive. Raises NotFound."""
+        """What the trial adds to its vehicle. Asking doesn't renew the lease. Raises NotFound."""
         live = self._find(episode_id)
-        return live.episode.trial(self.limits.idle_s - (self._clock() - self._touched[episode_id]))
+        return live.episode.trial(live.lease)
+
+    def renew(self, episode_id: str) -> Episode:
+        """Renews the lease; waits for no other call. Raises NotFound."""
+        self._find(episode_id).lease.renew()
+        return self.trial(episode_id)
 
     def state(self, episode_id: str) -> VehicleState:
-        """The drone as it is now, also on its way. Asking doesn't keep an episode alive. Raises NotFound."""
+        """The drone as it is now, also on its way. Asking doesn't renew the lease. Raises NotFound."""
         return self._find(episode_id).episode.state()
 
     def capabilities(self, episode_id: str) -> VehicleCapabilities:
@@ -178,12 +187,11 @@ class Episodes:
             await self._drop(episode_id)
 
     async def expire(self) -> int:
-        """Gives up every episode that was idle too long; says how many."""
-        late = self._clock() - self.limits.idle_s
-        idle = [i for i, live in self._live.items() if self._touched[i] <= late and not live.busy]
-        for episode_id in idle:
+        """Ends every episode whose lease has run out; says how many."""
+        orphans = [i for i, live in self._live.items() if live.orphaned]
+        for episode_id in orphans:
             await self._drop(episode_id)
-        return len(idle)
+        return len(orphans)
 
     async def close(self) -> None:
         """Ends all episodes and the worker threads."""
@@ -194,14 +202,10 @@ class Episodes:
     async def _begin(self, question: EpisodeQuestion) -> str:
         await self.expire()
         check(question.rig.cameras)
-        if len(self._live) + self._starting >= self.limits.max_episodes:
-            raise TooMany(
-                f"{self.limits.max_episodes} episodes are live, which is all that this simulator keeps; end one with "
-                f"DELETE /v1/episodes/<id>, or wait: after {self.limits.idle_s:g} s without a call one expires",
-                code="too_many_episodes",
-                details={"max_episodes": self.limits.max_episodes},
-            )
-        self._starting += 1
+        lease = Lease(question.owner, granted_lease_s(self.limits, question.lease_s), self._clock)
+        begun = self._starting + Counter(live.lease.owner for live in self._live.values())
+        check_room(self.limits, begun, question.owner)
+        self._starting[question.owner] += 1
         try:
             cached = await self._cache.acquire(question.scene)
             renderer = self._renderer
@@ -213,10 +217,10 @@ class Episodes:
                 await self._cache.release(cached)
                 raise
         finally:
-            self._starting -= 1
+            self._starting[question.owner] -= 1
         senses = Senses(episode, cached, self._renderer, self._workers, labelled=self._labelled)
-        self._live[episode.id] = _Live(episode, cached, senses)
-        self._touched[episode.id] = self._clock()
+        lease.renew()
+        self._live[episode.id] = _Live(episode, cached, senses, lease)
         return episode.id
 
     async def _flown(self, episode_id: str, begin: Callable[[LiveEpisode], None]) -> VehicleState:
@@ -230,15 +234,14 @@ class Episodes:
         try:
             await live.flight.over()
         finally:
-            self._touch(live.episode.id)
+            live.lease.renew()
 
     def _find(self, episode_id: str) -> _Live:
         live = self._live.get(episode_id)
-        expired = live is not None and self._clock() - self._touched[episode_id] >= self.limits.idle_s
-        if live is None or (expired and not live.busy):
+        if live is None or live.orphaned:
             raise NotFound(
-                f"there is no episode {episode_id[:40]!r}; it was never started, was ended, or expired after "
-                f"{self.limits.idle_s:g} s without a call; POST /v1/episodes starts one",
+                f"there is no episode {episode_id[:40]!r}; it was never started, was ended, or nobody called it until "
+                "its lease ran out; POST /v1/episodes starts one",
                 code="no_such_episode",
             )
         return live
@@ -251,17 +254,12 @@ class Episodes:
             try:
                 yield live
             finally:
-                self._touch(episode_id)
-
-    def _touch(self, episode_id: str) -> None:
-        if episode_id in self._touched:
-            self._touched[episode_id] = self._clock()
+                live.lease.renew()
 
     async def _drop(self, episode_id: str) -> None:
         live = self._live.pop(episode_id, None)
         if live is None:
             return
-        self._touched.pop(episode_id, None)
         self._begun.forget(episode_id)
         await live.flight.stop()
         await self._work(live.episode.close)

@@ -4,6 +4,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from contracts.sim import MAX_LEASE_S
 from service_kit.settings import ServiceSettings, Token
 
 
@@ -18,6 +19,17 @@ class SimSettings(ServiceSettings):
         "auto", description="What draws: OpenGL, PyBullet's TinyRenderer, or OpenGL where it can be had."
     )
     sim_max_episodes: int = Field(16, ge=1, le=500, description="Episodes that may be live at a time.")
-    sim_idle_s: float = Field(900.0, ge=1.0, le=86_400.0, description="Seconds until an unused episode is ended.")
+    sim_max_episodes_per_owner: int = Field(
+        0, ge=0, le=500, description="Episodes of one owner that may be live at a time; 0: as many as there is room."
+    )
+    sim_lease_s: float = Field(
+        60.0,
+        ge=1.0,
+        le=MAX_LEASE_S,
+        description="Seconds without a call until an episode is ended, where whoever began it did not say.",
+    )
+    sim_max_lease_s: float = Field(
+        3600.0, ge=1.0, le=MAX_LEASE_S, description="The longest lease that an episode may be begun with."
+    )
     sim_kept_scenes: int = Field(4, ge=0, le=100, description="Built scenes kept in memory that no episode uses.")
     sim_truth: bool = Field(False, description="Whether the oracle may ask what is really there.")

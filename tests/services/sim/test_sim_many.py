@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from contracts.scene import Scene
-from services.sim.episodes import Limits
 from services.sim.geometry.scene_mesh import SceneMesh
+from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from tests.services.sim.running_sim import BEFORE_THE_POT, Builder, Simulator, error
@@ -77,7 +77,7 @@ def test_the_number_of_live_episodes_is_bounded(launch: Callable[..., Simulator]
 
 def test_an_idle_episode_expires_and_frees_what_it_held(launch: Callable[..., Simulator], yard: Scene) -> None:
     now_s = 100.0
-    hasty = launch(Limits(max_episodes=1, idle_s=0.3, kept_scenes=0), clock=lambda: now_s)
+    hasty = launch(Limits(max_episodes=1, lease_s=0.3, kept_scenes=0), clock=lambda: now_s)
     episode = hasty.start(yard)
     assert 0 < episode.expires_in_s <= 0.3
     assert hasty.episodes.scenes == 1
@@ -88,8 +88,76 @@ def test_an_idle_episode_expires_and_frees_what_it_held(launch: Callable[..., Si
         time.sleep(0.02)
     status, code, message = error(hasty.http.get(f"/v1/episodes/{episode.id}"))
     assert (status, code) == (404, "no_such_episode")
-    assert "0.3 s" in message
+    assert "lease" in message
     hasty.start(yard)  # its place is free again
+
+
+def test_a_lease_is_renewed_by_looks_and_by_the_sign_of_life_but_not_by_watching(
+    launch: Callable[..., Simulator], yard: Scene
+) -> None:
+    now_s = 100.0
+    sim = launch(Limits(lease_s=60.0), clock=lambda: now_s)
+    held, left = sim.start(yard), sim.start(yard)
+    assert held.lease_s == 60.0
+    for _ in range(3):
+        now_s += 25.0
+        assert sim.http.post(f"/v1/episodes/{held.id}/renew").json()["expires_in_s"] == 60.0
+        now_s += 25.0
+        sim.look(held.id, cameras="front")
+        for path in ("", "/trial", "/capabilities"):
+            sim.http.get(f"/v1/episodes/{left.id}{path}")
+    assert sim.http.get(f"/v1/episodes/{held.id}").status_code == 200
+    for call in ("renew", "hold"):
+        assert error(sim.http.post(f"/v1/episodes/{left.id}/{call}"))[:2] == (404, "no_such_episode")
+
+
+def test_a_lease_is_as_long_as_asked_for_within_what_is_granted(launch: Callable[..., Simulator], yard: Scene) -> None:
+    sim = launch(Limits(max_lease_s=600.0))
+    assert sim.start(yard, lease_s=600.0).lease_s == 600.0
+    status, code, message = error(sim.http.post("/v1/episodes", json=sim.question(yard, lease_s=601.0)))
+    assert (status, code) == (422, "lease_too_long")
+    assert "at most 600" in message
+
+
+def test_one_owner_has_no_more_than_its_share_and_may_give_all_back(
+    launch: Callable[..., Simulator], yard: Scene
+) -> None:
+    sim = launch(Limits(max_episodes=4, max_per_owner=2))
+    for key in ("a", "b"):
+        sim.start(yard, owner="greedy", key=key)
+    answer = sim.http.post("/v1/episodes", json=sim.question(yard, owner="greedy"))
+    assert error(answer)[:2] == (429, "too_many_episodes_of_owner")
+    other = sim.start(yard, owner="modest")
+    assert sim.http.delete("/v1/episodes", params={"owner": "greedy"}).status_code == 204
+    assert sim.episodes.live == 1
+    assert sim.http.get(f"/v1/episodes/{other.id}").status_code == 200
+    sim.start(yard, owner="greedy", key="a")
+    assert error(sim.http.delete("/v1/episodes"))[:2] == (422, "bad_question")
+
+
+def test_the_same_key_is_the_same_episode_whoever_goes_on_with_it(sim: Simulator, yard: Scene) -> None:
+    begun = sim.start(yard, key="delivery", owner="first", lease_s=60.0)
+    assert sim.start(yard, key="delivery", owner="second", lease_s=90.0).id == begun.id
+
+
+def test_a_look_whose_caller_has_left_is_not_drawn(launch: Callable[..., Simulator], yard: Scene) -> None:
+    thread = RenderThread(choose_renderer)
+    sim = launch(thread=thread)
+    episode = sim.start(yard)
+    begun, go_on = threading.Event(), threading.Event()
+
+    def hold(_: object) -> None:
+        begun.set()
+        go_on.wait(120)
+
+    thread.submit(hold)
+    assert begun.wait(120)
+    for _ in range(3):
+        with pytest.raises(httpx.ReadTimeout):
+            sim.http.get(f"/v1/episodes/{episode.id}/observation", timeout=0.2)
+    time.sleep(0.2)  # the closing of the last one reaches the server
+    go_on.set()
+    assert sim.look(episode.id).number == 1
 
 
 def test_scenes_nobody_flies_in_are_kept_up_to_a_bound(
