@@ -11,7 +11,7 @@ from service_kit.settings import revealed
 
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     """The app as the settings want it."""
-    services = Services(settings.addresses, settings.tokens)
+    services = Services(settings.addresses, settings.tokens, settings.service_patience_s)
     deliveries = Deliveries(
         services.simulated,
         settings.runs_dir,
