@@ -54,6 +54,7 @@ def deliver(
     max_steps: mission_options.MaxSteps = 30,
     rig: mission_options.RigName = DEFAULT_RIG,
     image_size: mission_options.ImageSize = None,
+    sensors: mission_options.SensorsName = None,
     seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH)] = 0,
     out: Annotated[Path, typer.Option(help="Where the records go.")] = Path("runs"),
     services: Annotated[
@@ -80,6 +81,7 @@ def deliver(
             max_steps=max_steps,
             rig=rig,
             image_size=image_size,
+            sensors=sensors,
             seed=seed,
         )
         question = DeliveryQuestion(
