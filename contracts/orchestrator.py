@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValue, model_validator
 
-from contracts.base import Metres, Name, Unit, Wire
+from contracts.base import Metres, ModelName, Name, Unit, Wire
 from contracts.cameras import Rig, default_rig, flyable, shipped_rig
 from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Pose
@@ -84,8 +84,8 @@ class MissionSettings(Wire):
     approach: ApproachSettings = ApproachSettings()
     sightings: SightingSettings = SightingSettings()
     flight: Flight = Flight()
-    parser_model: Name | None = None
-    vision_model: Name | None = None
+    parser_model: ModelName | None = None
+    vision_model: ModelName | None = None
     ground_floor: Literal[0, 1] | None = None
     max_exploration_steps: int = Field(default=30, ge=1, le=200)
     max_bands: int = Field(default=12, ge=1, le=50)
@@ -131,7 +131,7 @@ class DeliveryQuestion(Wire):
     request: str | None = Field(default=None, min_length=1, max_length=4000)
     scene: Scene | None = None
     sample: Name | None = None
-    backend: Name | None = None
+    backend: ModelName | None = None
     answer_within_s: float | None = Field(default=None, ge=0.0, le=86_400.0)
     settings: MissionSettings = MissionSettings()
 

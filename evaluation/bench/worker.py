@@ -18,7 +18,7 @@ from uuid import uuid4, uuid5
 
 from pydantic import Field
 
-from contracts.base import Name, Wire
+from contracts.base import ModelName, Wire
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
 from contracts.sim import EpisodeQuestion
@@ -53,7 +53,7 @@ class Job(Wire):
     folder: str
     logs: str
     mission: MissionSettings
-    backend: Name
+    backend: ModelName
     environment: dict[str, str] = {}
     sim: dict[str, str] = {}
     gateway: dict[str, str] = {}
