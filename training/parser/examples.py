@@ -176,28 +176,34 @@ def batch_of(examples: Sequence[Example]) -> Batch:
     return Batch(ids, mask, averaging, examples, right, gold, anchor, tags, tag_mask)
 
 
+def _floor_loss(none: Tensor, ones: Tensor, pairs: Tensor, batch: Batch) -> Tensor:
+    """none: (B,), ones: (B, M, operations), pairs: (B, M, M, operations) -> the mean over those whose floor can be
+    read; every example's readings, padded, beside its "none"."""
+    most = max(1, max(len(e.reading_index) for e in batch.examples))
+    index = torch.zeros(len(batch.examples), most, 3, dtype=torch.long)
+    there, right = (torch.zeros(len(batch.examples), most, dtype=torch.bool) for _ in range(2))
+    for i, e in enumerate(batch.examples):
+        n = len(e.reading_index)
+        index[i, :n] = torch.from_numpy(e.reading_index)
+        there[i, :n], right[i, :n] = True, torch.from_numpy(e.reading_right)
+    operation, first, second = index.unbind(-1)
+    row = torch.arange(len(index))[:, None]
+    single = ones[row, first, operation.clamp(max=ones.shape[-1] - 1)]
+    double = pairs[row, first, second.clamp(min=0), operation.clamp(max=pairs.shape[-1] - 1)]
+    scores = torch.where(second < 0, single, double).masked_fill(~there, -1e9)
+    scores = torch.cat([none[:, None], scores], 1)
+    right = torch.cat([torch.tensor([[e.no_floor] for e in batch.examples]), right], 1)
+    loss = torch.logsumexp(scores, 1) - torch.logsumexp(scores.masked_fill(~right, -1e9), 1)
+    return loss[right.any(1)].mean() if right.any() else torch.zeros(())
+
+
 def losses(net: Any, batch: Batch) -> dict[str, Tensor]:
     """Mean losses by head."""
     x = net.encoder(batch.ids, batch.mask).float()
     whole = net.whole(x, batch.mask)
     mentions = net.mentions(x, batch.averaging)
     ones, pairs = net.one_scores(mentions, x[:, 0]), net.pair_scores(mentions, x[:, 0])
-    floor: list[Tensor] = []
-    for i, e in enumerate(batch.examples):
-        scores = [whole[i, 0:1]]
-        index = torch.from_numpy(e.reading_index)
-        single = index[:, 2] < 0
-        values = torch.zeros(len(index))
-        if len(index):
-            values = torch.where(
-                single,
-                ones[i, index[:, 1], index[:, 0].clamp(max=ones.shape[-1] - 1)],
-                pairs[i, index[:, 1], index[:, 2].clamp(min=0), index[:, 0].clamp(max=pairs.shape[-1] - 1)],
-            )
-        scores = torch.cat([*scores, values])
-        right = torch.cat([torch.tensor([e.no_floor]), torch.from_numpy(e.reading_right)])
-        if right.any():
-            floor.append(torch.logsumexp(scores, 0) - torch.logsumexp(scores[right], 0))
+    floor = _floor_loss(whole[:, 0], ones, pairs, batch)
     padding = (batch.mask == 0)[..., None]
     spans = net.object(x).masked_fill(padding, -1e4)
     flat = torch.cat([whole[:, 1:2], spans.flatten(1)], 1)
@@ -226,7 +232,7 @@ def losses(net: Any, batch: Batch) -> dict[str, Tensor]:
         )
         side = side * has.float().mean()
     return {
-        "floor": torch.stack(floor).mean() if floor else torch.zeros(()),
+        "floor": floor,
         "object": thing,
         "tags": tagging,
         "relation": relation,

@@ -4,10 +4,10 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from contracts.llm_parser import Candidates, Confidence, Evidence, ParseAnswer, ParseQuestion, Reason, Reasons
+from contracts.llm_parser import Confidence, Evidence, ParseAnswer, ParseQuestion
 from service_kit.client import CallError, Garbled, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion, ServiceError, Unavailable
-from services.llm_parser.asking import question_for
+from services.llm_parser.asking import Known, composed
 from services.llm_parser.chat import prompt
 from services.llm_parser.chat.grounding import object_span
 from services.llm_parser.chat.reading import Read, Refusal, Reply, Unreadable, read_reply
@@ -90,35 +90,22 @@ class ChatParser:
                 {"role": "user", "content": prompt.repair(found.problem)},
             ]
             found = read_reply(await self._ask(messages), words, grounded=language is None)
-        answer = self._answer(found, words)
-        return answer.model_copy(update={"language": language.code if language is not None else "en"})
+        return self._answer(found, words, language.code if language is not None else "en")
 
     async def problem(self) -> str | None:
         return await self._client.usable()
 
-    def _answer(self, found: Read | Refusal | Unreadable, request: str) -> ParseAnswer:
-        if isinstance(found, Refusal):
-            return ParseAnswer(outcome="refused", missing=("floor", "object"), model=self._model)
-        if isinstance(found, Unreadable):
-            return ParseAnswer(outcome="unreadable", missing=("floor", "object"), model=self._model)
-        reasons = Reasons(
-            floor=_reason(found.floor, open_to=found.floors),
-            object="relation_only" if found.object is None and found.relation else _reason(found.object, found.objects),
-        )
-        candidates = Candidates(
-            floors=found.floors if found.floor is None else (), objects=found.objects if found.object is None else ()
-        )
-        relation = found.relation if found.object is None else None
-        return ParseAnswer(
-            floor=found.floor,
-            object=found.object,
-            relation=relation,
-            missing=tuple(n for n, v in (("floor", found.floor), ("object", found.object)) if v is None),
-            reasons=reasons,
-            candidates=candidates,
+    def _answer(self, found: Read | Refusal | Unreadable, request: str, language: str) -> ParseAnswer:
+        if not isinstance(found, Read):
+            outcome: Literal["refused", "unreadable"] = "refused" if isinstance(found, Refusal) else "unreadable"
+            return ParseAnswer(outcome=outcome, missing=("floor", "object"), language=language, model=self._model)
+        return composed(
+            Known(found.floor, "open" if found.floors else "not_said", found.floors),
+            Known(found.object, "open" if found.objects else "not_said", found.objects),
+            found.relation,
             confidence=Confidence(floor=found.sure, object=found.sure),
-            question=question_for(reasons, candidates, relation),
             evidence=Evidence(floor=_floor_words(found.floor, request), object=_object_words(found.object, request)),
+            language=language,
             model=self._model,
         )
 
@@ -163,12 +150,6 @@ class ChatParser:
 def _object_words(name: str | None, request: str) -> str | None:
     span = object_span(name, request) if name else None
     return request[span.start : span.end] if span else None
-
-
-def _reason(value: object, open_to: tuple[object, ...]) -> Reason | None:
-    if value is not None:
-        return None
-    return "open" if open_to else "not_said"
 
 
 def _floor_words(floor: int | None, request: str) -> str | None:

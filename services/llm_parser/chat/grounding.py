@@ -20,38 +20,22 @@ class Span(NamedTuple):
 def object_span(name: str, request: str) -> Span | None:
     """The shortest stretch of `request` that holds all words of `name` that carry meaning, or None where one is
     missing. Plural and singular count as the same word, and so do words of five letters or more one slip apart."""
-    wanted = [w for w in _WORD.findall(name.lower()) if w not in _LINKS]
-    if not wanted:
-        return None
-    places: list[tuple[int, int, int]] = []
-    for match in _WORD.finditer(request.lower()):
-        for index, word in enumerate(wanted):
-            if _same(word, match.group()):
-                places.append((index, match.start(), match.end()))
-    if {index for index, _, _ in places} != set(range(len(wanted))):
-        return None
-    return _shortest(places, len(wanted))
+    wanted = {w for w in _WORD.findall(name.lower()) if w not in _LINKS}
+    said = list(_WORD.finditer(request.lower()))
+    hits = [(m, {w for w in wanted if _same(w, m.group())}) for m in said]
+    hits = [(m, found) for m, found in hits if found]
+    spans = []
+    for at, (first, _) in enumerate(hits):
+        left = set(wanted)
+        for last, found in hits[at:]:
+            left -= found
+            if not left:
+                spans.append(Span(first.start(), last.end()))
+                break
+    return min(spans, key=lambda s: s.end - s.start, default=None)
 
 
 def _same(wanted: str, said: str) -> bool:
     if wanted == said or wanted.rstrip("s") == said.rstrip("s"):
         return True
     return min(len(wanted), len(said)) >= 5 and OSA.distance(wanted, said, score_cutoff=1) <= 1
-
-
-def _shortest(places: list[tuple[int, int, int]], kinds: int) -> Span:
-    best: Span | None = None
-    counts: dict[int, int] = {}
-    left = 0
-    for index, _, end in places:
-        counts[index] = counts.get(index, 0) + 1
-        while len(counts) == kinds:
-            first, start, _ = places[left]
-            if best is None or end - start < best.end - best.start:
-                best = Span(start, end)
-            counts[first] -= 1
-            if not counts[first]:
-                del counts[first]
-            left += 1
-    assert best is not None
-    return best

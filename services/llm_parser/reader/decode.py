@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contracts.llm_parser import Side
 from services.llm_parser.reader.floors import Reading
 from services.llm_parser.reader.mentions import Mention
 
 Floats = NDArray[np.float32]
 
-SIDES = ("left", "right", "above", "below")
+SIDES: tuple[Side, ...] = ("left", "right", "above", "below")
 MOST_SPANS = 60
 AGREE = 0.7
 MOST_ATTRIBUTE_WORDS = 3
@@ -69,7 +70,7 @@ class RelationGuess(NamedTuple):
     """The customer's window is so many `windows` to the `side` of the one with `anchor`."""
 
     anchor: str
-    side: str
+    side: Side
     windows: int
     probability: float
 

@@ -12,36 +12,18 @@ from rapidfuzz.distance import OSA
 HIGHEST_FLOOR = 200
 MOST_MENTIONS = 24
 
-_UNITS = ("one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
-_TEENS = ("ten", "eleven", "twelve", "thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen")
-_TENS = ("twenty", "thirty", "forty", "fifty", "sixty", "seventy", "eighty", "ninety")
-_ORDINAL_UNITS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth")
-_ORDINAL_TEENS = (
-    "tenth",
-    "eleventh",
-    "twelfth",
-    "thirteenth",
-    "fourteenth",
-    "fifteenth",
-    "sixteenth",
-    "seventeenth",
-    "eighteenth",
-    "nineteenth",
+_CARDINALS = (
+    "one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen sixteen seventeen "
+    "eighteen nineteen twenty thirty forty fifty sixty seventy eighty ninety"
 )
-_ORDINAL_TENS = ("twentieth", "thirtieth", "fortieth", "fiftieth", "sixtieth", "seventieth", "eightieth", "ninetieth")
-
-CARDINALS = {
-    **{word: 1 + i for i, word in enumerate(_UNITS)},
-    **{word: 10 + i for i, word in enumerate(_TEENS)},
-    **{word: 20 + 10 * i for i, word in enumerate(_TENS)},
-    "fourty": 40,
-    "zero": 0,
-}
-ORDINALS = {
-    **{word: 1 + i for i, word in enumerate(_ORDINAL_UNITS)},
-    **{word: 10 + i for i, word in enumerate(_ORDINAL_TEENS)},
-    **{word: 20 + 10 * i for i, word in enumerate(_ORDINAL_TENS)},
-}
+_ORDINALS = (
+    "first second third fourth fifth sixth seventh eighth ninth tenth eleventh twelfth thirteenth fourteenth fifteenth "
+    "sixteenth seventeenth eighteenth nineteenth twentieth thirtieth fortieth fiftieth sixtieth seventieth eightieth "
+    "ninetieth"
+)
+_VALUES = (*range(1, 20), *range(20, 100, 10))
+CARDINALS: dict[str, int] = {**dict(zip(_CARDINALS.split(), _VALUES, strict=True)), "fourty": 40, "zero": 0}
+ORDINALS: dict[str, int] = dict(zip(_ORDINALS.split(), _VALUES, strict=True))
 _ROMAN = {
     "i": 1, "ii": 2, "iii": 3, "iv": 4, "v": 5, "vi": 6, "vii": 7, "viii": 8, "ix": 9, "x": 10, "xi": 11, "xii": 12,
 }  # fmt: skip

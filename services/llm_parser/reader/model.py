@@ -4,14 +4,14 @@ Its folder holds `reader.onnx` (the encoder in eight-bit integers, per channel, 
 embeddings: int8, one scale a word), `tokenizer.json` and `about.json`.
 """
 
-import json
-from functools import cached_property
+import math
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
+from pydantic import BaseModel
 from tokenizers import Tokenizer
 
 from services.llm_parser.reader.decode import Scores, Tokens
@@ -19,6 +19,39 @@ from services.llm_parser.reader.mentions import Mention
 
 MOST_TOKENS = 384
 """A longer request is read as far as this, and said to be too long."""
+
+
+class Calibration(BaseModel):
+    """From the network's probability p to the share of such answers that are right: the logistic function of
+    `slope` logit(p) + `offset`, fitted on authors that were left out (Platt)."""
+
+    slope: float = 1.0
+    offset: float = 0.0
+
+    def probability(self, p: float) -> float:
+        p = min(max(p, 1e-6), 1.0 - 1e-6)
+        return 1.0 / (1.0 + math.exp(-self.slope * math.log(p / (1.0 - p)) - self.offset))
+
+
+class Calibrations(BaseModel):
+    """Of each field."""
+
+    floor: Calibration = Calibration()
+    object: Calibration = Calibration()
+
+
+class Thresholds(BaseModel):
+    """From which calibrated probability a field is answered."""
+
+    floor: float
+    object: float
+
+
+class About(BaseModel):
+    """What the training wrote down of a network, as far as reading with it needs that."""
+
+    calibration: Calibrations = Calibrations()
+    thresholds: Thresholds
 
 
 class Encoded(NamedTuple):
@@ -55,7 +88,7 @@ class ReaderModel:
         ]
         if missing:
             raise FileNotFoundError(f"the reader's weights are not complete: {', '.join(missing)} missing in {folder}")
-        self._folder = folder
+        self.about = About.model_validate_json((folder / "about.json").read_bytes())
         self.tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
         self.tokenizer.no_padding()
         self.tokenizer.no_truncation()
@@ -67,12 +100,6 @@ class ReaderModel:
         with np.load(folder / "words.npz") as words:
             self._words: NDArray[np.int8] = words["words"]
             self._scales: NDArray[np.float32] = words["scales"]
-
-    @cached_property
-    def about(self) -> dict[str, Any]:
-        """What the training wrote down: data, figures, temperatures, thresholds."""
-        found: dict[str, Any] = json.loads((self._folder / "about.json").read_text(encoding="utf-8"))
-        return found
 
     def scores(self, encoded: Encoded) -> Scores:
         embedded = self._words[encoded.ids].astype(np.float32) * self._scales[encoded.ids][:, None]

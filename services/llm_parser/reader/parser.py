@@ -6,17 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from contracts.llm_parser import (
-    Candidates,
-    Confidence,
-    Evidence,
-    ParseAnswer,
-    ParseQuestion,
-    Reason,
-    Reasons,
-    Relation,
-)
-from services.llm_parser.asking import question_for
+from contracts.llm_parser import Confidence, Evidence, ParseAnswer, ParseQuestion, Reason, Reasons, Relation
+from services.llm_parser.asking import Known, composed
 from services.llm_parser.languages import SAID, other_language
 from services.llm_parser.reader import decode
 from services.llm_parser.reader.decode import FloorGuess, ObjectGuess, RelationGuess
@@ -35,13 +26,6 @@ _YES = re.compile(
 )
 
 
-class Thresholds(NamedTuple):
-    """From which calibrated probability a field is answered."""
-
-    floor: float
-    object: float
-
-
 class Guesses(NamedTuple):
     """All guesses of one text, the likeliest first."""
 
@@ -58,9 +42,7 @@ class ReaderParser:
     def __init__(self, model: ReaderModel, *, ground_floor: int = 1) -> None:
         self._model = model
         self._ground_floor = ground_floor
-        about = model.about
-        self._thresholds = Thresholds(**about["thresholds"])
-        self._temperatures = Thresholds(**about["temperatures"])
+        self._calibration, self._thresholds = model.about.calibration, model.about.thresholds
 
     async def parse(self, question: ParseQuestion) -> ParseAnswer:
         if len(question.request) <= QUICK_CHARACTERS:
@@ -92,38 +74,31 @@ class ReaderParser:
     def _answer(self, text: str, ground_floor: Literal[0, 1] | None) -> ParseAnswer:
         read = self._guesses(text, self._ground_floor if ground_floor is None else ground_floor)
         floor, thing = read.floors[0], read.objects[0]
-        sure_floor = floor.floor is not None and floor.probability >= self._thresholds.floor
-        sure_object = thing.phrase is not None and thing.probability >= self._thresholds.object
+        confidence = Confidence(
+            floor=round(self._calibration.floor.probability(floor.probability), 4),
+            object=round(self._calibration.object.probability(thing.probability), 4),
+        )
+        sure_floor = (confidence.floor or 0.0) >= self._thresholds.floor
+        sure_object = (confidence.object or 0.0) >= self._thresholds.object
         floors = tuple(g.floor for g in read.floors if g.floor is not None and g.probability >= WAVERS_FROM)[:3]
         things = tuple(g.phrase for g in read.objects if g.phrase is not None and g.probability >= WAVERS_FROM)[:3]
         relation = None
-        if read.relation is not None and not sure_object and read.relation.anchor:
-            relation = Relation(
-                to=read.relation.anchor[:200], side=_side(read.relation.side), count=read.relation.windows
-            )
-        why_floor: Reason | None = (
-            None if sure_floor else _reason(floor.floor, bool(floors), bool(find_mentions(text)), read.cut)
-        )
-        why_object: Reason | None = None if sure_object else _reason(thing.phrase, bool(things), False, read.cut)
-        if relation is not None and why_object is not None:
-            why_object = "relation_only"
-        reasons = Reasons(floor=why_floor, object=why_object)
-        candidates = Candidates(floors=() if sure_floor else floors, objects=() if sure_object else things)
-        missing = tuple(n for n, why in (("floor", why_floor), ("object", why_object)) if why is not None)
-        return ParseAnswer(
-            floor=floor.floor if sure_floor else None,
-            object=thing.phrase if sure_object else None,
-            relation=relation,
-            missing=missing,
-            reasons=reasons,
-            candidates=candidates,
-            confidence=Confidence(floor=round(floor.probability, 4), object=round(thing.probability, 4)),
-            question=question_for(reasons, candidates, relation),
-            language="en",
-            evidence=Evidence(
-                floor=text[floor.start : floor.end] if sure_floor else None,
-                object=text[thing.start : thing.end] if sure_object else None,
+        if read.relation is not None and read.relation.anchor:
+            relation = Relation(to=read.relation.anchor[:200], side=read.relation.side, count=read.relation.windows)
+        return composed(
+            Known(
+                floor.floor if sure_floor else None,
+                _reason(floor.floor, bool(floors) or bool(find_mentions(text)), read.cut),
+                floors,
             ),
+            Known(thing.phrase if sure_object else None, _reason(thing.phrase, bool(things), read.cut), things),
+            relation,
+            confidence=confidence,
+            evidence=Evidence(
+                floor=text[floor.start : floor.end] if sure_floor and floor.floor is not None else None,
+                object=text[thing.start : thing.end] if sure_object and thing.phrase is not None else None,
+            ),
+            language="en",
             model=MODEL,
         )
 
@@ -140,51 +115,29 @@ class ReaderParser:
             thing = _object_said(said, before.candidates.objects) or anew.object
             if thing is None and before.reasons.object in ("not_said", "relation_only") and before.floor is not None:
                 thing = self._answer(f"{said.strip(' .')} on floor {before.floor}", ground_floor).object
-        reasons = Reasons(
-            floor=None if floor is not None else anew.reasons.floor or before.reasons.floor,
-            object=None if thing is not None else anew.reasons.object or before.reasons.object,
-        )
-        candidates = Candidates(
-            floors=() if floor is not None else anew.candidates.floors,
-            objects=() if thing is not None else anew.candidates.objects,
-        )
-        missing = tuple(n for n, v in (("floor", floor), ("object", thing)) if v is None)
-        relation = anew.relation if thing is None else None
-        return anew.model_copy(
-            update={
-                "floor": floor,
-                "object": thing,
-                "relation": relation,
-                "missing": missing,
-                "reasons": reasons,
-                "candidates": candidates,
-                "question": question_for(reasons, candidates, relation),
-            }
+        return composed(
+            Known(floor, anew.reasons.floor or before.reasons.floor or "not_said", anew.candidates.floors),
+            Known(thing, anew.reasons.object or before.reasons.object or "not_said", anew.candidates.objects),
+            anew.relation,
+            confidence=anew.confidence,
+            evidence=anew.evidence,
+            language=anew.language,
+            model=MODEL,
         )
 
     def _guesses(self, text: str, ground_floor: int) -> Guesses:
-        read = guesses(self._model, text, self._temperatures)
+        read = guesses(self._model, text)
         if ground_floor == 1:
             return read
         mentions = find_mentions(text)
         return read._replace(floors=[_counted_from_zero(g, text, mentions) for g in read.floors])
 
 
-def guesses(model: ReaderModel, text: str, temperatures: Thresholds | None = None) -> Guesses:
+def guesses(model: ReaderModel, text: str) -> Guesses:
     """All guesses of a text by a network."""
     mentions = find_mentions(text)
     encoded = encode(model.tokenizer, text, mentions)
     scores = model.scores(encoded)
-    if temperatures is not None:
-        whole = scores.whole.copy()
-        whole[0] /= temperatures.floor
-        whole[1] /= temperatures.object
-        scores = scores._replace(
-            whole=whole,
-            ones=scores.ones / temperatures.floor,
-            pairs=scores.pairs / temperatures.floor,
-            objects=scores.objects / temperatures.object,
-        )
     seen = [r for r in readings(mentions) if _is_read(encoded.averaging, r.first, r.second)]
     floors = decode.floors(scores, seen, mentions)
     return Guesses(
@@ -206,19 +159,11 @@ def _counted_from_zero(guess: FloorGuess, text: str, mentions: Sequence[Mention]
     return guess._replace(floor=guess.floor + 1) if itself and not counts_itself else guess
 
 
-def _reason(value: object, wavers: bool, mentioned: bool, cut: bool) -> Reason:
+def _reason(value: object, wavers: bool, cut: bool) -> Reason:
+    """Why a field is null whose likeliest value is this one."""
     if cut:
         return "too_long"
-    if value is not None:
-        return "unsure"
-    return "open" if wavers or mentioned else "not_said"
-
-
-def _side(side: str) -> Literal["left", "right", "above", "below"]:
-    sides: dict[str, Literal["left", "right", "above", "below"]] = {
-        "left": "left", "right": "right", "above": "above", "below": "below",
-    }  # fmt: skip
-    return sides[side]
+    return "unsure" if value is not None else "open" if wavers else "not_said"
 
 
 def _floor_said(said: str, candidates: Sequence[int]) -> int | None:

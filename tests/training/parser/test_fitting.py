@@ -55,7 +55,9 @@ def test_a_short_training_ends_in_a_reader_that_answers(tmp_path: Path) -> None:
     save_file({k: v.detach().contiguous() for k, v in weights.items()}, base / "model.safetensors")
     out = tmp_path / "out"
     everybody_but_l = [*"abcdefgijkt"]
-    fit_and_export(argparse.Namespace(base=base, out=out, without=everybody_but_l, epochs=1, seed=0, threads=1))
+    fit_and_export(
+        argparse.Namespace(base=base, out=out, without=everybody_but_l, epochs=1, seed=0, members=2, threads=1)
+    )
     answer = ReaderParser(ReaderModel(out)).read(ParseQuestion(request="the red pot on floor 4"))
     assert answer.model == "reader"
     assert (out / "examined.json").is_file()

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from services.llm_parser.reader.decode import content
+from services.llm_parser.reader.floors import readings
 from services.llm_parser.reader.mentions import find_mentions
+from services.llm_parser.reader.model import Thresholds
 from training.parser.augment import Augmenter
-from training.parser.measure import Examined, Pair, calibrated, card, outcomes
+from training.parser.made import Maker, Thing
+from training.parser.measure import Examined, calibrated, card, outcomes
 from training.parser.rows import Forms, Row, Span, load
 
 REQUESTS = Path(__file__).parents[3] / "training" / "parser" / "requests"
@@ -37,20 +40,16 @@ def test_a_replaced_word_moves_the_labels_behind_it() -> None:
     assert [changed.text[slice(*s)] for s in changed.labelled] == ["twenty-first floor", "red pot"]
 
 
-def test_edits_by_chance_keep_the_floor_within_its_words(rows: list[Row]) -> None:
+def test_edits_by_chance_keep_the_floor_within_reach(rows: list[Row]) -> None:
     edit = Augmenter(rows, np.random.default_rng(7))
     plain = [r for r in rows if r.floor is not None and not r.tags and r.floor_spans][:300]
     held = 0
     for row in plain:
         changed = edit(row)
         assert all(0 <= s.start <= s.end <= len(changed.text) for s in changed.labelled)
-        values = {
-            m.value
-            for m in find_mentions(changed.text)
-            if any(s.start < m.end and m.start < s.end for s in changed.floor_spans)
-        }
-        held += changed.floor in values
-    assert held > 0.9 * len(plain)
+        reached = {r.floor for r in readings(find_mentions(changed.text))}
+        held += changed.floor is None or changed.floor in reached
+    assert held > 0.95 * len(plain)
 
 
 @pytest.mark.parametrize(("found", "right"), [("red clay pot", True), ("pot", True), ("blue jug", False), ("", False)])
@@ -67,7 +66,48 @@ def test_thresholds_leave_few_silent_errors() -> None:
         )  # fmt: skip
 
     examined = [one(0.99, True)] * 90 + [one(0.6, False)] * 10
-    assert outcomes(examined, Pair(floor=0.0, object=0.0)).wrong == pytest.approx(0.1)
     found = calibrated(examined)
-    assert outcomes(examined, found.thresholds) == pytest.approx((0.9, 0.1, 0.0))
+    asking_nothing = found._replace(thresholds=Thresholds(floor=0.0, object=0.0))
+    assert outcomes(examined, asking_nothing).wrong == pytest.approx(0.1)
+    assert outcomes(examined, found) == pytest.approx((0.9, 0.1, 0.0))
     assert "| all | 100 |" in card(examined, found)
+
+
+def test_a_calibrated_probability_is_the_share_that_is_right() -> None:
+    def one(probability: float, right: bool) -> Examined:
+        return Examined(
+            author="x", tags=(), text="", floor=1, floor_probability=probability, floor_right=right, object="pot",
+            object_probability=0.9, object_right=True,
+        )  # fmt: skip
+
+    boastful = [one(0.99, k < 160) for k in range(200)] + [one(0.9, k < 100) for k in range(200)]
+    floor = calibrated(boastful).calibration.floor
+    assert floor.probability(0.99) == pytest.approx(0.8, abs=0.03)
+    assert floor.probability(0.9) == pytest.approx(0.5, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ("text", "said", "floor"),
+    [
+        ("two floors above Tom on 3, red pot", "two floors above Tom on 3", 5),
+        ("2nd floor, the ground is 0, red pot", "2nd floor", 3),
+        ("the ninth floor, red pot", "ninth floor", 9),
+    ],
+)
+def test_another_number_moves_the_floor_by_as_much(text: str, said: str, floor: int) -> None:
+    at = text.index(said)
+    row = Row(text, floor, "red pot", (), (Span(at, at + len(said)),), (), None, frozenset({"relative_floor"}))
+    edit = Augmenter([], np.random.default_rng(3))
+    changed = next(c for c in (edit._other_floor(row) for _ in range(20)) if c is not row)
+    before, after = (sum(m.value for m in find_mentions(t) if m.kind == "count") for t in (text, changed.text))
+    assert changed.floor is not None
+    assert changed.floor - floor == after - before != 0
+
+
+def test_made_requests_say_the_floor_that_they_are_labelled_with() -> None:
+    maker, thing = Maker(np.random.default_rng(5)), Thing("red pot", "red pot", ())
+    made = [row for row in (maker.request(thing) for _ in range(300)) if row is not None]
+    told = [row for row in made if row.floor is not None]
+    reached = [row for row in told if row.floor in {r.floor for r in readings(find_mentions(row.text))}]
+    assert len(told) > 150
+    assert len(reached) > 0.97 * len(told)
