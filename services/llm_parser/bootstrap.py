@@ -23,7 +23,11 @@ def bootstrap(settings: LlmParserSettings) -> FastAPI:
 
     def chat(model: str | None) -> ChatParser:
         return ChatParser(
-            gateway, model, max_tokens=settings.parser_max_tokens, ground_floor=settings.parser_ground_floor
+            gateway,
+            model,
+            max_tokens=settings.parser_max_tokens,
+            ground_floor=settings.parser_ground_floor,
+            object_language=settings.parser_object_language,
         )
 
     reader = ReaderParser(ReaderModel(WEIGHTS), ground_floor=settings.parser_ground_floor)

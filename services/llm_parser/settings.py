@@ -31,6 +31,11 @@ class LlmParserSettings(ServiceSettings):
     parser_model: str | None = Field(
         None, description="The gateway's alias that `chat` asks; unset: the gateway's role `parser`."
     )
+    parser_object_language: Literal["english", "request"] = Field(
+        "english",
+        description="The language in which `chat` names the object: English, as the embedded vision model needs it, or "
+        "the request's own, for a vision model that reads it.",
+    )
     parser_timeout_s: float = Field(60.0, ge=0.1, le=600.0, description="Seconds that one call of the model may take.")
     parser_max_tokens: int = Field(2048, ge=64, le=32_768, description="The longest answer of the model, in tokens.")
     vlm_gateway_url: HttpAddress = Field("http://127.0.0.1:8102", description="Where vlm_gateway listens.")

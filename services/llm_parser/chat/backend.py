@@ -66,13 +66,20 @@ class ChatParser:
     whoever made it closes it."""
 
     def __init__(
-        self, client: ServiceClient, alias: str | None = None, *, max_tokens: int = 2048, ground_floor: int = 1
+        self,
+        client: ServiceClient,
+        alias: str | None = None,
+        *,
+        max_tokens: int = 2048,
+        ground_floor: int = 1,
+        object_language: prompt.ObjectLanguage = "english",
     ) -> None:
         self._client = client
         self._alias = alias
         self._model = alias or ROLE
         self._max_tokens = max_tokens
         self._ground_floor = ground_floor
+        self._object_language = object_language
 
     async def parse(self, question: ParseQuestion) -> ParseAnswer:
         """Raises Unavailable (model_unreachable, model_overloaded), ServiceError (model_timeout and the gateway's
@@ -80,16 +87,18 @@ class ChatParser:
         ground = self._ground_floor if question.ground_floor is None else question.ground_floor
         words = "\n".join((question.request, *(e.answer for e in question.exchanges)))
         language = other_language(question.request)
-        messages = [{"role": "user", "content": prompt.question(question.request, ground, question.exchanges)}]
+        asked = prompt.question(question.request, ground, question.exchanges, self._object_language)
+        messages = [{"role": "user", "content": asked}]
+        grounded = language is None or self._object_language == "request"
         reply = await self._ask(messages)
-        found = read_reply(reply, words, grounded=language is None)
+        found = read_reply(reply, words, grounded=grounded)
         if isinstance(found, Unreadable):
             shown = reply.content[-4000:] or "(no answer)"
             messages += [
                 {"role": "assistant", "content": shown},
                 {"role": "user", "content": prompt.repair(found.problem)},
             ]
-            found = read_reply(await self._ask(messages), words, grounded=language is None)
+            found = read_reply(await self._ask(messages), words, grounded=grounded)
         return self._answer(found, words, language.code if language is not None else "en")
 
     async def problem(self) -> str | None:

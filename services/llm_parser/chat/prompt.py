@@ -6,12 +6,9 @@ the others lose nothing by it.
 
 import re
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from contracts.llm_parser import Exchange
-
-VERSION = "4"
-"""Changes whenever the wording does, so that recorded answers can be told apart."""
 
 _TASK = """You read a customer's request to a delivery drone. The drone needs two things: the floor on which the \
 customer's window is, and the distinctive object that marks this window from outside.
@@ -23,7 +20,7 @@ Step 2: find the floor. Count from 1 at the ground: the ground floor {ground}. W
 the fourth" is 6). If the request does not say it, or leaves it open ("4th or 5th", a flat number, "third from the \
 top" of a house whose floors are not told), the floor is null.
 Step 3: find the object. Give it as a short noun phrase in the request's own words with its colour, material and other \
-attributes, in lower case, without an article; in English where the request is in another language. The delivered \
+attributes, in lower case, without an article; {words}. The delivered \
 goods are not the object, and neither is what marks another person's window. If the request names none, the object is \
 null. \
 If the customer's window is told only by another one ("left of the one with the red teapot"), the object is null and \
@@ -35,6 +32,12 @@ End with one line of JSON and nothing behind it: {{"floor": <integer or null>, "
 "floors": [<what the floor may be, if it is left open>], "objects": [<what the object may be, if it is left open>], \
 "sure": <how sure you are of floor and object, 0 to 1>}}"""
 _GROUND = {1: "and the first floor are both 1", 0: "is 1, and a plain first floor is the one above it, 2"}
+
+ObjectLanguage = Literal["english", "request"]
+_WORDS: dict[ObjectLanguage, str] = {
+    "english": "in English where the request is in another language",
+    "request": "in the language of the request",
+}
 
 
 class Example(NamedTuple):
@@ -79,7 +82,12 @@ _EXAMPLES = (
 _DELIMITER = re.compile(r"<\s*(/?)\s*request\b[^<>]*>?", re.IGNORECASE)
 
 
-def question(request: str, ground_floor: int = 1, exchanges: Sequence[Exchange] = ()) -> str:
+def question(
+    request: str,
+    ground_floor: int = 1,
+    exchanges: Sequence[Exchange] = (),
+    object_language: ObjectLanguage = "english",
+) -> str:
     """The whole user message for `request`; `ground_floor` says how a plain first floor counts (0: one above the
     ground floor). What was asked and answered since stands behind the request."""
     shown = "\n\n".join(
@@ -87,7 +95,7 @@ def question(request: str, ground_floor: int = 1, exchanges: Sequence[Exchange] 
         for e in _EXAMPLES
     )
     said = "".join(f"\n(asked: {harmless(e.question)})\n{harmless(e.answer)}" for e in exchanges)
-    task = _TASK.format(ground=_GROUND[ground_floor])
+    task = _TASK.format(ground=_GROUND[ground_floor], words=_WORDS[object_language])
     return f"{task}\n\nExamples:\n\n{shown}\n\nNow this one:\n\n<request>{harmless(request)}{said}</request>"
 
 

@@ -256,3 +256,27 @@ async def test_a_gateway_that_is_down_is_unreachable(model_server: Any) -> None:
             await ask(lonely)
         assert await ChatParser(lonely).problem() is not None
     assert (raised.value.status, raised.value.code) == (503, "model_unreachable")
+
+
+GERMAN = "Bitte in den vierten Stock, zum Fenster mit dem grünen Blumentopf."
+
+
+async def test_an_object_comes_in_english_for_a_vision_model_that_reads_nothing_else(
+    client: ServiceClient, model_server: Any
+) -> None:
+    model_server.says('{"floor": 4, "object": "green flower pot"}')
+    answer = await ask(client, GERMAN)
+    assert (answer.floor, answer.object, answer.language) == (4, "green flower pot", "de")
+    assert "in English where" in model_server.asked[0]["messages"][0]["content"]
+
+
+async def test_an_object_comes_in_the_customers_words_where_the_deployment_wants_it(
+    client: ServiceClient, model_server: Any
+) -> None:
+    parser = ChatParser(client, "r1-distill", object_language="request")
+    model_server.says('{"floor": 4, "object": "green flower pot"}')
+    model_server.says('{"floor": 4, "object": "grünen Blumentopf"}')
+    answer = await parser.parse(ParseQuestion(request=GERMAN))
+    assert (answer.object, answer.evidence.object) == ("grünen blumentopf", "grünen Blumentopf")
+    assert "in the language of the request" in model_server.asked[0]["messages"][0]["content"]
+    assert "words of the request" in model_server.asked[1]["messages"][2]["content"]
