@@ -4,12 +4,11 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValue, model_validator
 
-from contracts.base import Metres, ModelName, Name, Unit, Wire
+from contracts.base import Metres, Name, Unit, Wire
 from contracts.cameras import Rig, default_rig, flyable, shipped_rig
 from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Pose
 from contracts.scene import Scene
-from contracts.sensor_profiles import SensorFault, Sensors, sensors_by_name
 from contracts.sim import Flight, Verdict
 
 OutcomeName = Literal[
@@ -27,13 +26,17 @@ OutcomeName = Literal[
     "blocked",
     "model_unreachable",
     "service_unreachable",
+    "vehicle_lost",
+    "deadline_passed",
     "cancelled",
     "failed",
 ]
+DeliveryStatus = Literal["waiting", "flying", "needs_answer", "done"]
 Phase = Literal["parse", "place", "floors", "explore", "approach", "claim", "done"]
 QuestionTopic = Literal["request", "unknown_object"]
 Positive = Annotated[float, Field(gt=0.0, le=1_000.0)]
 MAX_LATENCIES = 1000
+MAX_PRIORITY = 9
 
 
 class SightingSettings(Wire):
@@ -74,9 +77,8 @@ def _rig_by_name(given: object) -> object:
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role.
     `rig`: the cameras of a simulated drone, as a document or by a shipped rig's name; `image_size`: the longer side of
-    every camera's pictures in pixels, null as the rig says. `sensors`: what a simulated drone senses with, as a
-    document or by a shipped profile's name, null as the scene says; `faults`: of its sensors, for tests.
-    `ground_floor`: how a plain "first floor" counts, as in `ParseQuestion`; null as the parser is set up."""
+    every camera's pictures in pixels, null as the rig says. `ground_floor`: how a plain "first floor" counts, as in
+    `ParseQuestion`; null as the parser is set up."""
 
     floors: Literal["stepwise", "direct-count"] = "stepwise"
     band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
@@ -84,8 +86,8 @@ class MissionSettings(Wire):
     approach: ApproachSettings = ApproachSettings()
     sightings: SightingSettings = SightingSettings()
     flight: Flight = Flight()
-    parser_model: ModelName | None = None
-    vision_model: ModelName | None = None
+    parser_model: Name | None = None
+    vision_model: Name | None = None
     ground_floor: Literal[0, 1] | None = None
     max_exploration_steps: int = Field(default=30, ge=1, le=200)
     max_bands: int = Field(default=12, ge=1, le=50)
@@ -94,8 +96,6 @@ class MissionSettings(Wire):
     max_model_failures: int = Field(default=3, ge=0, le=20)
     rig: Annotated[Rig, BeforeValidator(_rig_by_name)] = Field(default_factory=default_rig)
     image_size: int | None = Field(default=None, ge=64, le=1600)
-    sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
-    faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
 
     @property
@@ -126,14 +126,25 @@ class MissionSettings(Wire):
 class DeliveryQuestion(Wire):
     """Bring it there: `request` in the customer's words, in `scene` or at a shipped `sample` (whose own request is
     used if none is given). `answer_within_s`: how long the customer's answer to a question is waited for; null: as the
-    deployment is set up; 0: nobody is asked."""
+    deployment is set up; 0: nobody is asked. Of the deliveries that wait, the one of the highest `priority` is flown
+    first, of equal ones the oldest; none takes off before its `not_before`, and one that has not ended by its
+    `deadline` ends then, in the air as well."""
 
     request: str | None = Field(default=None, min_length=1, max_length=4000)
     scene: Scene | None = None
     sample: Name | None = None
-    backend: ModelName | None = None
+    backend: Name | None = None
     answer_within_s: float | None = Field(default=None, ge=0.0, le=86_400.0)
+    priority: int = Field(default=0, ge=0, le=MAX_PRIORITY)
+    not_before: AwareDatetime | None = None
+    deadline: AwareDatetime | None = None
     settings: MissionSettings = MissionSettings()
+
+    @model_validator(mode="after")
+    def _can_be_in_time(self) -> Self:
+        if self.not_before is not None and self.deadline is not None and self.deadline <= self.not_before:
+            raise ValueError("deadline: give a time after not_before")
+        return self
 
 
 class OpenQuestion(Wire):
@@ -175,8 +186,8 @@ class Stop(Wire):
 
 class DeliveryResult(Wire):
     """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
-    wall time by part. `rig` and `sensors`: the cameras of a simulated drone, and its sensor profile with its version.
-    `inspected_share`: of the facade on that floor, where the search policy tells."""
+    wall time by part. `rig`: the cameras of a simulated drone. `inspected_share`: of the facade on that floor, where
+    the search policy tells."""
 
     outcome: OutcomeName
     message: str
@@ -194,7 +205,6 @@ class DeliveryResult(Wire):
     model_calls: dict[str, ModelCalls]
     renderer: str | None
     rig: Name | None = None
-    sensors: Name | None = None
     stops: tuple[Stop, ...] = ()
     search_policy: Name | None = None
     inspected_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
@@ -202,14 +212,21 @@ class DeliveryResult(Wire):
 
 class Delivery(Wire):
     """One delivery as it stands. `result` is null until `status` is `done`; `question` is what the customer is asked
-    while it is `needs_answer`."""
+    while it is `needs_answer`. `created`, `started` and `ended` are when it was asked for, when it got its vehicle and
+    when it was over, in UTC. `vehicle`: of the fleet, the one that flies or flew it; `flights`: how often it was begun
+    to be flown, more than once where a vehicle was lost."""
 
     id: Name
-    status: Literal["waiting", "flying", "needs_answer", "done"]
+    status: DeliveryStatus
     phase: Phase
     request: str
     scene: str
     created: str
+    started: str | None = None
+    ended: str | None = None
+    priority: int = 0
+    vehicle: Name | None = None
+    flights: int = 0
     folder: str | None
     question: OpenQuestion | None = None
     result: DeliveryResult | None = None

@@ -8,6 +8,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from mission.advance import run
@@ -55,13 +56,21 @@ class Mission:
     async def go_on(self, state: MissionState) -> DeliveryResult:
         """A mission from where it was left, perhaps by another process."""
         while not state.over:
-            state = await self._advanced(state)
+            state = await self.advanced(state)
             if self._keep is not None:
                 self._keep(state)
-        await self._release(state)
+        await self.release(state)
+        return self.result(state)
+
+    def result(self, state: MissionState) -> DeliveryResult:
+        """The result of a mission that has ended. Raises ValueError for one that has not."""
         return result_of(state, self._context)
 
-    async def _advanced(self, state: MissionState) -> MissionState:
+    def look_up_again(self) -> None:
+        """The next step asks anew for the vehicle: the one at hand may have gone."""
+        self._context = replace(self._context, drone=None)
+
+    async def advanced(self, state: MissionState) -> MissionState:
         """The next state; every way that a step can break off ends the mission, and has a name."""
         step = Step(state, self._context)
         try:
@@ -85,7 +94,8 @@ class Mission:
         step.update(stage=end, flight=None)
         return step.state
 
-    async def _release(self, state: MissionState) -> None:
+    async def release(self, state: MissionState) -> None:
+        """Gives the state's vehicle back, where it has one."""
         if state.vehicle is None:
             return
         try:
@@ -135,7 +145,6 @@ def result_of(state: MissionState, context: MissionContext) -> DeliveryResult:
         model_calls=state.calls,
         renderer=state.renderer,
         rig=context.placement.rig_name,
-        sensors=context.placement.sensors_name,
         stops=state.stops,
         search_policy=context.policy.name,
         inspected_share=memory.inspected_share,

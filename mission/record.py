@@ -184,7 +184,7 @@ def _whole_events(folder: Path) -> _Whole:
     return _Whole(events, size)
 
 
-def _locked(path: Path, mode: Literal["x", "a"]) -> TextIO:
+def _locked(path: Path, mode: Literal["x", "a", "r"]) -> TextIO:
     """The file, open for whoever writes the record, one at a time; the operating system frees it when they end. Raises
     OSError, BadRecord where somebody else writes it."""
     file = path.open(mode, encoding="utf-8")
@@ -198,6 +198,15 @@ def _locked(path: Path, mode: Literal["x", "a"]) -> TextIO:
     except OSError:  # a file system without locks
         pass
     return file
+
+
+def is_being_written(folder: Path) -> bool:
+    """Somebody has the record open to carry the delivery on."""
+    try:
+        with _locked(folder / "events.jsonl", "r"):
+            return False
+    except (BadRecord, OSError) as error:
+        return isinstance(error, BadRecord)
 
 
 def read_state(folder: Path) -> MissionState | None:
@@ -253,16 +262,19 @@ def read_delivery(folder: Path) -> Delivery | None:
     except (OSError, BadRecord):
         return None
     result = read_result(folder) or cut_off(len(read_events(folder)))
-    return delivery.model_copy(
-        update={"status": "done", "phase": "done", "result": result, "folder": str(folder)},
-    )
+    return delivery.model_copy(update={"status": "done", "phase": "done", "result": result, "folder": str(folder)})
 
 
 def cut_off(events: int) -> DeliveryResult:
     """The result of a delivery whose process ended before it did."""
+    return failed(f"the record breaks off after {events} events: the process that flew it ended")
+
+
+def failed(message: str) -> DeliveryResult:
+    """The result of a delivery of which nothing else is known."""
     return DeliveryResult(
         outcome="failed",
-        message=f"the record breaks off after {events} events: the process that flew it ended",
+        message=message,
         steps=0,
         exploration_steps=0,
         path_m=0.0,

@@ -12,7 +12,7 @@ from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
 from orchestrator import sample_library
-from orchestrator.deliveries import Deliveries
+from orchestrator.assembly import Orchestrator
 from service_kit.app import Check, create_app
 
 VIEWER = Path(__file__).parent / "viewer.html"
@@ -33,42 +33,49 @@ PAGE_POLICY = "; ".join(
 
 
 def build_app(
-    deliveries: Deliveries,
+    orchestrator: Orchestrator,
     *,
     checks: Mapping[str, Check] | None = None,
     token: str | None = None,
     on_close: Callable[[], Awaitable[None]] | None = None,
 ) -> FastAPI:
-    """The orchestrator's app over its deliveries. A token, where set, guards all routes but health."""
+    """The orchestrator's app. A token, where set, guards all routes but health."""
+    deliveries = orchestrator.deliveries
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await orchestrator.start()
         yield
-        await deliveries.close()
+        await orchestrator.close()
         if on_close is not None:
             await on_close()
 
     app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, token=token, lifespan=lifespan)
 
     @app.post("/v1/deliveries", status_code=202, tags=["deliveries"])
-    async def post_delivery(question: DeliveryQuestion, response: Response) -> Delivery:
-        """Takes a delivery and starts it; follow it by its events. 429 where too many are under way."""
-        delivery = await deliveries.take(question)
+    async def post_delivery(
+        question: DeliveryQuestion,
+        response: Response,
+        idempotency_key: Annotated[str | None, Header(min_length=1, max_length=200)] = None,
+    ) -> Delivery:
+        """Takes a delivery, which waits for its turn; follow it by its events. The same `Idempotency-Key` again is the
+        same delivery, however often it is posted. 429 where too many wait."""
+        delivery = await deliveries.take(question, idempotency_key)
         response.headers["location"] = f"/v1/deliveries/{delivery.id}"
         return delivery
 
     @app.get("/v1/deliveries", tags=["deliveries"])
     async def list_deliveries() -> DeliveryList:
         """The newest first."""
-        return DeliveryList(deliveries=tuple(await anyio.to_thread.run_sync(deliveries.list)))
+        return DeliveryList(deliveries=tuple(await deliveries.list()))
 
     @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"])
     async def get_delivery(delivery_id: str) -> Delivery:
-        return await anyio.to_thread.run_sync(deliveries.get, delivery_id)
+        return await deliveries.get(delivery_id)
 
     @app.delete("/v1/deliveries/{delivery_id}", tags=["deliveries"])
     async def cancel_delivery(delivery_id: str) -> Delivery:
-        """Cancels a delivery under way; the answer comes when its record is complete."""
+        """Ends a delivery, whatever its status; the answer comes when its record is complete."""
         return await deliveries.cancel(delivery_id)
 
     @app.post("/v1/deliveries/{delivery_id}/answer", tags=["deliveries"])
@@ -83,7 +90,7 @@ def build_app(
     ) -> EventSourceResponse:
         """Server-sent events: `id` is the event's number, `data` the event. `Last-Event-ID` goes on after that one.
         The stream ends with the event of kind `result`."""
-        await anyio.to_thread.run_sync(deliveries.get, delivery_id)
+        await deliveries.get(delivery_id)
         after = int(last_event_id) if last_event_id and last_event_id.isdecimal() else 0
 
         async def stream() -> AsyncIterator[ServerSentEvent]:
@@ -96,7 +103,7 @@ def build_app(
     @app.get("/v1/deliveries/{delivery_id}/files/{file}", tags=["deliveries"], response_class=FileResponse)
     async def get_file(delivery_id: str, file: str) -> FileResponse:
         """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
-        path = await anyio.to_thread.run_sync(deliveries.picture, delivery_id, file)
+        path = await deliveries.picture(delivery_id, file)
         return FileResponse(path, headers={"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"})
 
     @app.get("/v1/samples", tags=["deliveries"])

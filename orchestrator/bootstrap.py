@@ -4,20 +4,26 @@ from fastapi import FastAPI
 
 from mission.clients import Services
 from orchestrator.app import build_app
-from orchestrator.deliveries import Deliveries
+from orchestrator.assembly import Orchestrator
+from orchestrator.deliveries import Bounds
+from orchestrator.hangar import OneSimulator
+from orchestrator.records import Records
 from orchestrator.settings import OrchestratorSettings
+from orchestrator.store.database import Database
+from orchestrator.turns import Policy
 from service_kit.settings import revealed
 
 
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
-    """The app as the settings want it."""
-    services = Services(settings.addresses, settings.tokens, settings.service_patience_s)
-    deliveries = Deliveries(
-        services.simulated,
-        settings.runs_dir,
-        max_live=settings.max_live_deliveries,
-        max_waiting=settings.max_waiting_deliveries,
-        patience_s=settings.answer_within_s,
+    """The app as the settings want it. Raises BadSetting."""
+    services = Services(settings.addresses, settings.tokens)
+    database = Database(revealed(settings.database_url) or f"sqlite:///{settings.runs_dir / 'deliveries.sqlite'}")
+    orchestrator = Orchestrator(
+        database,
+        OneSimulator(services.simulated, settings.max_live_deliveries),
+        Records(settings.runs_dir),
+        Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights),
+        Bounds(waiting=settings.max_waiting_deliveries),
     )
     checks = {client.service: client.usable for client in services.all}
-    return build_app(deliveries, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)
+    return build_app(orchestrator, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)

@@ -1,141 +1,103 @@
-"""Deliveries taken, listed and cancelled: a bounded number under way, all others as their records tell."""
+"""Deliveries taken, listed, answered and cancelled, whichever process carries them on."""
 
 import asyncio
 import contextlib
-import logging
-from collections.abc import AsyncIterator, Callable
+import json
+import time
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from pathlib import Path
 
-from contracts.events import Event, PlacedEvent
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult
+from contracts.events import Event, read_event
+from contracts.orchestrator import Delivery, DeliveryQuestion
 from contracts.vlm_gateway import PreflightQuestion
-from mission.clients import Simulated
-from mission.customer import DEFAULT_PATIENCE_S
 from mission.ports import PortError, ServiceRefused, UnknownModel
-from mission.record import DELIVERY_ID, PICTURE_NAME, cut_off, read_delivery, read_events
-from orchestrator.delivery import BadDelivery, Order, Run
-from orchestrator.mailbox import Mailbox
-from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, Unavailable
-
-log = logging.getLogger("orchestrator.deliveries")
+from mission.record import DELIVERY_ID, PICTURE_NAME, new_id
+from orchestrator.delivery import BadDelivery, Order
+from orchestrator.hangar import Hangar
+from orchestrator.keeper import Keeper
+from orchestrator.records import Records, delivery_of
+from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
+from orchestrator.watch import Watch
+from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany
 
 PREFLIGHT_S = 10.0
 """How long the gateway may take to say whether there is a model; it may have to load it."""
+CANCEL_S = 30.0
+COUNT_EVERY_S = 1.0
 FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"})
 
 
-class LiveDelivery:
-    """One delivery under way: its events so far, and its customer. `changed` is set, and replaced, whenever something
-    is new."""
+@dataclass(frozen=True)
+class Bounds:
+    """`waiting`: deliveries that may wait at a time; `listed`: those that a list shows."""
 
-    def __init__(self, run: Run, mailbox: Mailbox) -> None:
-        self.run = run
-        self.mailbox = mailbox
-        self.events: list[Event] = []
-        self.result: DeliveryResult | None = None
-        self.task: asyncio.Task[None] | None = None
-        self.changed = asyncio.Event()
-
-    def add(self, event: Event) -> None:
-        self.events.append(event)
-        self.notify()
-
-    def notify(self) -> None:
-        """Wakes everybody who waits now."""
-        self.changed.set()
-        self.changed = asyncio.Event()
-
-    @property
-    def over(self) -> bool:
-        return self.task is not None and self.task.done()
-
-    @property
-    def waits_on_ground(self) -> bool:
-        """Its customer is asked, and it holds no drone meanwhile."""
-        return self.mailbox.question is not None and not any(isinstance(event, PlacedEvent) for event in self.events)
-
-    def delivery(self) -> Delivery:
-        question = self.mailbox.question if self.result is None else None
-        status = "done" if self.result is not None else "flying" if question is None else "needs_answer"
-        told = {
-            "status": status,
-            "phase": self.events[-1].phase if self.events else "parse",
-            "question": question,
-            "result": self.result,
-        }
-        return self.run.record.delivery.model_copy(update=told)
+    waiting: int = 100_000
+    listed: int = 200
 
 
 class Deliveries:
-    """Takes, lists and cancels deliveries; `runs` is the folder of the records. At most `max_live` are under way, and
-    `max_waiting` wait on the ground for an answer, `patience_s` each unless they say otherwise."""
+    """What the REST door offers."""
 
     def __init__(
         self,
-        services: Callable[[], Simulated],
-        runs: Path,
-        *,
-        max_live: int = 2,
-        max_waiting: int = 50,
-        max_listed: int = 200,
-        patience_s: float = DEFAULT_PATIENCE_S,
+        store: DeliveryStore,
+        watch: Watch,
+        keeper: Keeper,
+        hangar: Hangar,
+        records: Records,
+        bounds: Bounds | None = None,
     ) -> None:
-        self._services = services
-        self._runs = runs
-        self._max_live = max_live
-        self._max_waiting = max_waiting
-        self._max_listed = max_listed
-        self._patience_s = patience_s
-        self._live: dict[str, LiveDelivery] = {}
+        self._store = store
+        self._watch = watch
+        self._keeper = keeper
+        self._hangar = hangar
+        self._records = records
+        self._bounds = bounds or Bounds()
+        self._waiting = 0
+        self._counted = 0.0
 
-    async def take(self, question: DeliveryQuestion) -> Delivery:
-        """Starts a delivery. Raises BadQuestion (also for a model that there is not), TooMany, Unavailable (the record
-        can't be written)."""
+    async def take(self, question: DeliveryQuestion, key: str | None = None) -> Delivery:
+        """Takes a delivery, which is then queued; the same `key` again is the same delivery. Raises BadQuestion (also
+        for a model that there is not, and for a key that was another delivery's), TooMany."""
+        asked = question.model_dump_json()
+        if key is not None and (known := await asyncio.to_thread(self._store.of_key, key)) is not None:
+            return self._same(known, asked)
         try:
             order = Order(question)
         except BadDelivery as error:
             raise BadQuestion(str(error)) from None
+        if question.deadline is not None and question.deadline.timestamp() <= time.time():
+            raise BadQuestion("deadline: it has passed; give a time to come", code="deadline_passed")
         await self._check(order)
-        # no waiting between the count and the start: others would slip in
-        self._check_room()
-        started: list[LiveDelivery] = []
-        try:
-            run = Run(order, self._runs, listener=lambda event: started[0].add(event))
-        except OSError as error:
-            raise Unavailable(f"the record can't be written: {error.strerror}", code="no_record") from None
-        patience_s = self._patience_s if question.answer_within_s is None else question.answer_within_s
-        live = LiveDelivery(run, Mailbox(patience_s, lambda: self._waiting < self._max_waiting))
-        started.append(live)
-        self._live[run.id] = live
-        live.task = asyncio.create_task(self._fly(live), name=f"delivery {run.id}")
-        await asyncio.sleep(0)  # a task that is cancelled before its first step would leave no record
-        return live.delivery()
+        await self._check_room()
+        values = _new(question, asked, order, key)
+        while not await asyncio.to_thread(self._store.add, values):
+            if key is not None and (known := await asyncio.to_thread(self._store.of_key, key)) is not None:
+                return self._same(known, asked)
+            values["id"] = new_id()
+        self._waiting += 1
+        self._keeper.nudge()
+        return await self.get(str(values["id"]))
 
-    @property
-    def _waiting(self) -> int:
-        return sum(live.waits_on_ground for live in self._live.values())
+    def _same(self, known: StoredDelivery, asked: str) -> Delivery:
+        if known.question != asked:
+            raise BadQuestion(
+                f"Idempotency-Key: delivery {known.id} has it, and was asked for in other words; give each delivery a "
+                "key of its own",
+                code="idempotency_key_reused",
+            )
+        return delivery_of(known, self._records.runs)
 
-    def _check_room(self) -> None:
-        """Raises TooMany where no further delivery may fly."""
-        under_way = sum(not live.over and not live.waits_on_ground for live in self._live.values())
-        if under_way >= self._max_live:
+    async def _check_room(self) -> None:
+        if time.monotonic() > self._counted + COUNT_EVERY_S:
+            self._counted = time.monotonic()
+            self._waiting = await asyncio.to_thread(self._store.waiting)
+        if self._waiting >= self._bounds.waiting:
             raise TooMany(
-                f"{under_way} deliveries are under way, and no more than {self._max_live} may be; "
-                "wait for one to end or cancel one",
+                f"{self._waiting} deliveries wait, and no more than {self._bounds.waiting} may; try again later",
                 headers={"retry-after": "10"},
             )
-
-    async def answer(self, name: str, text: str) -> Delivery:
-        """Hands the customer's answer to a delivery that waits for it. Raises NotFound, Conflict (nothing is asked),
-        TooMany (it would take off, and as many as may be are under way: the question stays open)."""
-        live = self._live.get(name)
-        if live is None or live.mailbox.question is None:
-            delivery = await asyncio.to_thread(self.get, name)
-            raise Conflict(f"delivery {name} asks nothing: it is {delivery.status}", code="nothing_asked")
-        if live.waits_on_ground:
-            self._check_room()
-        live.mailbox.give(text)
-        return live.delivery()
 
     async def _check(self, order: Order) -> None:
         """Raises BadQuestion where the order names a model that there is not, or that takes no pictures. A gateway that
@@ -145,89 +107,101 @@ class Deliveries:
         question = PreflightQuestion(model=order.settings.vision_model)
         with contextlib.suppress(PortError, TimeoutError):
             try:
-                await asyncio.wait_for(self._services().ports.vision.preflight(question), PREFLIGHT_S)
+                vision = self._hangar.flown_with(None, order).ports.vision
+                await asyncio.wait_for(vision.preflight(question), PREFLIGHT_S)
             except UnknownModel as error:
                 raise BadQuestion(str(error), code="unknown_model") from None
             except ServiceRefused as error:
                 if error.status == 422:
                     raise BadQuestion(str(error)) from None
 
-    async def _fly(self, live: LiveDelivery) -> None:
-        try:
-            live.result = await live.run.fly(self._services(), live.mailbox)
-        except Exception:
-            log.exception("delivery %s broke off", live.run.id)
-            live.result = cut_off(len(live.events))
-        finally:
-            live.notify()
-            self._live.pop(live.run.id, None)
+    async def answer(self, name: str, text: str) -> Delivery:
+        """The customer's answer to the question of a delivery that waits for it. Raises NotFound, Conflict (nothing is
+        asked)."""
+        stored = await self._stored(name)
+        given = [*json.loads(stored.answers), text.strip()]
+        if stored.open_question is None or not await asyncio.to_thread(
+            self._store.answer, name, stored.open_question, given
+        ):
+            now = await self._stored(name)
+            raise Conflict(f"delivery {name} asks nothing: it is {now.status}", code="nothing_asked")
+        self._watch.note(name)
+        self._keeper.nudge()
+        return await self.get(name)
 
-    def get(self, name: str) -> Delivery:
+    async def get(self, name: str) -> Delivery:
         """Raises NotFound."""
-        live = self._live.get(name)
-        if live is not None:
-            return live.delivery()
-        found = read_delivery(self._folder(name))
-        if found is None:
-            raise NotFound(f"there is no delivery {name}")
-        return found
+        return delivery_of(await self._stored(name), self._records.runs)
 
-    def list(self) -> list[Delivery]:
-        """The newest first, at most `max_listed`."""
-        names = [path.name for path in self._runs.iterdir()] if self._runs.is_dir() else []
-        newest = sorted((n for n in names if DELIVERY_ID.fullmatch(n)), reverse=True)[: self._max_listed]
-        found = [live.delivery() if (live := self._live.get(n)) else read_delivery(self._runs / n) for n in newest]
-        return [delivery for delivery in found if delivery is not None]
+    async def list(self) -> list[Delivery]:
+        """The newest first."""
+        found = await asyncio.to_thread(self._store.newest, self._bounds.listed)
+        return [delivery_of(stored, self._records.runs) for stored in found]
 
     async def cancel(self, name: str) -> Delivery:
-        """Ends a delivery under way and waits for its record to be complete; one that is done stays as it is.
-        Raises NotFound."""
-        live = self._live.get(name)
-        if live is not None and live.task is not None and live.result is None:
-            live.task.cancel()
-            await asyncio.wait({live.task}, timeout=30)
-        return self.get(name)
+        """Ends a delivery, whatever its status, and waits for its record to be complete; one that is done stays as it
+        is. Raises NotFound."""
+        stored = await self._stored(name)
+        if stored.status != "done":
+            await asyncio.to_thread(self._store.end, name, "cancelled")
+            self._keeper.nudge()
+        give_up = time.monotonic() + CANCEL_S
+        while stored.status != "done" and time.monotonic() < give_up:
+            stored = await self._stored(name)
+            if stored.status != "done":
+                await self._watch.changed(name, stored.version, give_up - time.monotonic())
+        return delivery_of(stored, self._records.runs)
 
     async def events(self, name: str, after: int = 0) -> AsyncIterator[Event]:
         """All events numbered above `after`: those that were, then those to come, until the delivery is done."""
-        live = self._live.get(name)
-        if live is None:
-            for event in read_events(self._folder(name)):
-                if event.number > after:
-                    yield event
-            return
-        told = after
         while True:
-            changed = live.changed
-            for event in live.events[told:]:
-                told = event.number
-                yield event
-            if live.over or live.result is not None:
+            stored = await self._stored(name)
+            while texts := await asyncio.to_thread(self._store.events, name, after):
+                for text in texts:
+                    event = read_event(text)
+                    after = event.number
+                    yield event
+            if stored.status == "done":
                 return
-            await changed.wait()
+            await self._watch.changed(name, stored.version)
 
-    def picture(self, name: str, file: str) -> Path:
+    async def picture(self, name: str, file: str) -> Path:
         """A file of a record that may be shown. Raises NotFound."""
-        folder = self._folder(name)
+        folder = self._records.runs / (await self._stored(name)).id
         if file in FILES:
             path = folder / file
         elif PICTURE_NAME.fullmatch(file):
             path = folder / "pictures" / file
         else:
             raise NotFound("a record has no such file")
-        if not path.is_file():
+        if not await asyncio.to_thread(path.is_file):
             raise NotFound(f"the record of {name} has no {file} (yet)")
         return path
 
-    async def close(self) -> None:
-        """Cancels what is under way and waits for the records."""
-        tasks = [live.task for live in self._live.values() if live.task is not None]
-        for task in tasks:
-            task.cancel()
-        if tasks:
-            await asyncio.wait(tasks, timeout=10)
-
-    def _folder(self, name: str) -> Path:
+    async def _stored(self, name: str) -> StoredDelivery:
         if not DELIVERY_ID.fullmatch(name):
             raise NotFound("there is no such delivery: ids look like 20250131-120000-1a2b3c")
-        return self._runs / name
+        stored = await asyncio.to_thread(self._store.get, name)
+        if stored is None:
+            raise NotFound(f"there is no delivery {name}")
+        return stored
+
+
+def _new(question: DeliveryQuestion, asked: str, order: Order, key: str | None) -> dict[str, object]:
+    """The row of a delivery that has just been asked for: its request is to be read."""
+    now = time.time()
+    return {
+        "id": new_id(),
+        "question": asked,
+        "request": order.request,
+        "scene": order.scene.name,
+        "idempotency_key": key,
+        "priority": question.priority,
+        "not_before": None if question.not_before is None else question.not_before.timestamp(),
+        "deadline": None if question.deadline is None else question.deadline.timestamp(),
+        "created": now,
+        "status": "waiting",
+        "phase": "parse",
+        "lane": "request",
+        "due": now,
+    }

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from mission.customer import DEFAULT_PATIENCE_S
 from service_kit.connections import Connections
-from service_kit.settings import ServiceSettings, Token
+from service_kit.settings import Secret, ServiceSettings, Token
 
 
 class OrchestratorSettings(Connections, ServiceSettings):
@@ -19,13 +19,19 @@ class OrchestratorSettings(Connections, ServiceSettings):
     orchestrator_token: Token | None = Field(
         None, description="Callers must send this bearer token; without it all may call."
     )
-    runs_dir: Path = Field(Path("runs"), description="The folder of the deliveries' records.")
-    max_live_deliveries: int = Field(2, ge=1, le=64, description="Deliveries that may be under way at a time.")
+    runs_dir: Path = Field(
+        Path("runs"), description="The folder of the deliveries' records; the same one for all orchestrators."
+    )
+    database_url: Secret | None = Field(
+        None,
+        description="Where deliveries are kept: `postgresql://user:password@host/name` for several orchestrators; "
+        "without it an SQLite file in `RUNS_DIR`, for one.",
+    )
+    max_live_deliveries: int = Field(
+        2, ge=1, le=64, description="Deliveries that fly at a time in the simulator; the others wait."
+    )
     max_waiting_deliveries: int = Field(
-        50,
-        ge=0,
-        le=10_000,
-        description="Deliveries that may wait on the ground for an answer; beyond them nobody is asked.",
+        100_000, ge=1, le=10_000_000, description="Deliveries that may wait; further ones are refused."
     )
     answer_within_s: float = Field(
         DEFAULT_PATIENCE_S,
@@ -33,4 +39,13 @@ class OrchestratorSettings(Connections, ServiceSettings):
         le=86_400.0,
         description="Seconds that a customer's answer is waited for, where the delivery does not say; with 0 nobody is "
         "asked.",
+    )
+    service_within_s: float = Field(
+        30.0,
+        ge=0.0,
+        le=3600.0,
+        description="Seconds that a service which does not answer is asked again before the delivery ends.",
+    )
+    max_flights: int = Field(
+        3, ge=1, le=20, description="How often a delivery is begun to be flown at most, where vehicles are lost."
     )

@@ -49,11 +49,11 @@ Xy = tuple[float, float]
 
 def reason_of(task: Task, result: DeliveryResult | None) -> Reason:
     """The episode's reason by the table above; `result` is null where the episode itself broke."""
-    if result is None or result.outcome in ("failed", "cancelled"):
+    if result is None or result.outcome in ("failed", "cancelled", "deadline_passed"):
         return "error"
     if collided(result):
         return "collision"
-    if result.outcome in ("model_unreachable", "service_unreachable"):
+    if result.outcome in ("model_unreachable", "service_unreachable", "vehicle_lost"):
         return "unreachable"
     if _ends_as_it_should(task, result):
         return "success"

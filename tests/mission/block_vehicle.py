@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,7 +14,8 @@ import numpy as np
 from contracts.cameras import Rig
 from contracts.geometry import Point3, Pose
 from contracts.images import encode_depth, encode_jpeg
-from contracts.sim import EpisodeQuestion, Verdict
+from contracts.scene import Scene
+from contracts.sim import Flight, Verdict
 from contracts.vehicle import (
     Battery,
     FlightMode,
@@ -259,7 +261,8 @@ class BlockVehicle:
 @dataclass
 class BlockWorld:
     """A block as a Trial: begins drones and judges their claims by the block's thing. `boarded`: begun or resumed last.
-    `ended`: the drones released, in the order in which they were begun."""
+    `ended`: the drones released, in the order in which they were begun; `begun_at`: when the last
+    one was, in seconds since 1970."""
 
     block: Block = field(default_factory=Block)
     pace: float = 0.0
@@ -267,6 +270,7 @@ class BlockWorld:
     vehicles: dict[str, BlockVehicle] = field(default_factory=dict)
     verdicts: dict[str, Verdict] = field(default_factory=dict)
     boarded: str = ""
+    begun_at: float = 0.0
     _by_key: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -282,14 +286,13 @@ class BlockWorld:
         """Of the drone boarded last."""
         return self.vehicles[self.boarded].pose
 
-    async def begin(self, question: EpisodeQuestion) -> BlockVehicle:
-        if any(o.kind == "unicorn" for o in question.scene.objects):
+    async def begin(self, key: str, scene: Scene, flight: Flight, rig: Rig) -> BlockVehicle:
+        if any(o.kind == "unicorn" for o in scene.objects):
             raise ServiceRefused("sim: there is no class unicorn", code="unknown_class", status=422)
-        assert question.key is not None
-        key = question.key
         if key not in self._by_key:
             name = self._by_key[key] = f"e{len(self.vehicles) + 1}"
-            self.vehicles[name] = BlockVehicle(self.block, name, question.rig, pace=self.pace, slow_s=self.slow_s)
+            self.begun_at = time.time()
+            self.vehicles[name] = BlockVehicle(self.block, name, rig, pace=self.pace, slow_s=self.slow_s)
         return await self.resume(self._by_key[key])
 
     async def resume(self, vehicle: str) -> BlockVehicle:

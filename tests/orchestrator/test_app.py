@@ -3,20 +3,22 @@
 import json
 import time
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import httpx
 import pytest
 
 from contracts.events import Event, read_event
-from contracts.orchestrator import Delivery
+from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.clients import Simulated
 from mission.ports import ServiceRefused, ServiceUnreachable, UnknownModel
-from orchestrator.app import build_app
-from orchestrator.deliveries import Deliveries
+from mission.record import read_events
+from orchestrator.delivery import Order, Run
 from tests.mission.block import Block, block_scene
 from tests.mission.block_vehicle import BlockWorld
 from tests.mission.box_world import BlockVision, block_ports
+from tests.orchestrator.door import Door
 
 BEHIND = Block(thing=(2.0, 6.2, 10.5), thing_normal=(0.0, 1.0))
 REQUEST = "Please come to floor 4, the window with the green flower pot"
@@ -28,19 +30,19 @@ def runs(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def door(serve: Callable[..., str], runs: Path) -> Iterator[Callable[..., httpx.Client]]:
-    clients = []
+def door(runs: Path) -> Iterator[Callable[..., httpx.Client]]:
+    """`door(world)` opens an orchestrator, and closes the one that was opened before."""
+    opened: list[Door] = []
 
     def make(world: BlockWorld, **options: object) -> httpx.Client:
-        token = options.pop("token", None)
-        vision = options.pop("vision", None)
-        app = build_app(Deliveries(lambda: Simulated(block_ports(world, vision), world), runs, **options), token=token)
-        clients.append(httpx.Client(base_url=serve(app), timeout=20))
-        return clients[-1]
+        if opened:
+            opened.pop().close()
+        opened.append(Door(runs, world, **options))
+        return opened[-1].client
 
     yield make
-    for client in clients:
-        client.close()
+    for one in opened:
+        one.close()
 
 
 def order(world: BlockWorld, **more: object) -> dict[str, object]:
@@ -57,6 +59,17 @@ def events_of(client: httpx.Client, name: str, after: int | None = None) -> list
             if line.startswith("data: {") and line != "data: {}":
                 found.append(read_event(line.removeprefix("data: ")))
     return found
+
+
+def until(client: httpx.Client, name: str, status: str) -> Delivery:
+    """The delivery once it is of that status, or as it stands after ten seconds."""
+    give_up = time.monotonic() + 10
+    while True:
+        delivery = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
+        if delivery.status == status or time.monotonic() > give_up:
+            assert delivery.status == status
+            return delivery
+        time.sleep(0.02)
 
 
 def finished(client: httpx.Client, name: str) -> Delivery:
@@ -89,7 +102,7 @@ def test_a_model_that_there_is_not_is_refused_before_anything_is_flown(door, run
     assert refused.status_code == 422
     assert refused.json()["error"]["code"] == "unknown_model"
     assert "there are embedded" in refused.json()["error"]["message"]
-    assert not runs.exists()
+    assert not list(runs.glob("2*"))
     assert vision.asked == []
 
 
@@ -106,7 +119,7 @@ def test_a_setting_that_would_have_no_effect_is_refused(door, runs: Path, settin
     refused = door(BlockWorld(BEHIND)).post("/v1/deliveries", json=order(BlockWorld(BEHIND), settings=settings))
     assert refused.status_code == 422
     assert said in refused.json()["error"]["message"]
-    assert not runs.exists()
+    assert not list(runs.glob("2*"))
 
 
 def test_two_names_for_the_vision_model_that_differ_are_refused(door, runs: Path) -> None:
@@ -115,7 +128,7 @@ def test_two_names_for_the_vision_model_that_differ_are_refused(door, runs: Path
     refused = door(world).post("/v1/deliveries", json=order(world, **named))
     assert refused.status_code == 422
     assert "backend oracle and settings.vision_model embedded differ" in refused.json()["error"]["message"]
-    assert not runs.exists()
+    assert not list(runs.glob("2*"))
 
 
 def test_a_model_without_eyes_is_refused_and_a_gateway_that_is_away_is_the_missions_business(door) -> None:
@@ -166,15 +179,82 @@ def test_pictures_that_events_name_are_served_and_nothing_else_of_the_machine(do
         assert client.get(f"/v1/deliveries/{evil}/files/secret.txt").status_code == 404
 
 
-def test_no_more_deliveries_are_taken_than_may_be_under_way(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.2)
+def test_a_delivery_that_has_no_room_to_fly_waits_and_is_flown_when_there_is(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.1)
     client = door(world, max_live=1)
-    first = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    second = client.post("/v1/deliveries", json=order(world))
-    assert second.status_code == 429
-    assert second.json()["error"]["code"] == "too_many"
+    first, second = (client.post("/v1/deliveries", json=order(world)).json()["id"] for _ in range(2))
+    until(client, first, "flying")
+    waiting = client.get(f"/v1/deliveries/{second}").json()
+    assert (waiting["status"], waiting["started"], waiting["ended"]) == ("waiting", None, None)
     assert client.delete(f"/v1/deliveries/{first}").json()["result"]["outcome"] == "cancelled"
-    assert client.post("/v1/deliveries", json=order(world)).status_code == 202
+    flown = finished(client, second)
+    assert flown.result.outcome == "delivered"
+    assert flown.created <= flown.started <= flown.ended
+
+
+def test_of_those_that_wait_the_one_of_the_highest_priority_is_flown_first(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.05)
+    client = door(world, max_live=1)
+    flying = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    until(client, flying, "flying")
+    usual, urgent = (client.post("/v1/deliveries", json=order(world, priority=p)).json()["id"] for p in (0, 9))
+    client.delete(f"/v1/deliveries/{flying}")
+    assert finished(client, urgent).ended <= finished(client, usual).started
+
+
+def test_the_same_key_again_is_the_same_delivery_and_another_delivery_with_it_is_refused(door) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world)
+    key = {"Idempotency-Key": "order 4711"}
+    names = {client.post("/v1/deliveries", json=order(world), headers=key).json()["id"] for _ in range(3)}
+    assert len(names) == 1
+    finished(client, *names)
+    again = client.post("/v1/deliveries", json=order(world), headers=key).json()
+    assert ({again["id"]}, again["status"]) == (names, "done")
+    other = client.post("/v1/deliveries", json=order(world, priority=1), headers=key)
+    assert (other.status_code, other.json()["error"]["code"]) == (422, "idempotency_key_reused")
+    assert len(client.get("/v1/deliveries").json()["deliveries"]) == 1
+
+
+def test_a_delivery_does_not_take_off_before_its_time(door) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world)
+    later = datetime.now(UTC) + timedelta(seconds=3)
+    name = client.post("/v1/deliveries", json=order(world, not_before=later.isoformat())).json()["id"]
+    assert finished(client, name).result.outcome == "delivered"
+    assert world.begun_at >= later.timestamp()
+
+
+@pytest.mark.parametrize("where", ["waiting", "flying", "needs_answer"])
+def test_a_delivery_ends_at_its_deadline_whatever_its_status(door, where: str) -> None:
+    world = BlockWorld(BEHIND, slow_s=1.0)
+    client = door(world, max_live=1)
+    if where == "waiting":
+        until(client, client.post("/v1/deliveries", json=order(world)).json()["id"], "flying")
+    soon = (datetime.now(UTC) + timedelta(seconds=4 if where == "flying" else 2)).isoformat()
+    more = {"request": VAGUE} if where == "needs_answer" else {}
+    name = client.post("/v1/deliveries", json=order(world, deadline=soon, **more)).json()["id"]
+    until(client, name, where)
+    assert finished(client, name).result.outcome == "deadline_passed"
+
+
+@pytest.mark.parametrize(("times", "said"), [((60, 30), "after not_before"), ((None, -1), "it has passed")])
+def test_a_deadline_that_cannot_be_kept_is_refused(door, times: tuple, said: str) -> None:
+    world = BlockWorld(BEHIND)
+    now = datetime.now(UTC)
+    before, deadline = (None if t is None else (now + timedelta(seconds=t)).isoformat() for t in times)
+    refused = door(world).post("/v1/deliveries", json=order(world, not_before=before, deadline=deadline))
+    assert refused.status_code == 422
+    assert said in refused.json()["error"]["message"]
+
+
+def test_no_more_deliveries_wait_than_may(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.2)
+    client = door(world, max_waiting=2)
+    later = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
+    taken = [client.post("/v1/deliveries", json=order(world, not_before=later)) for _ in range(3)]
+    assert [answer.status_code for answer in taken] == [202, 202, 429]
+    assert taken[2].headers["retry-after"] == "10"
 
 
 def test_a_cancelled_delivery_leaves_a_complete_record_and_no_episode(door, runs: Path) -> None:
@@ -202,24 +282,23 @@ def test_deliveries_are_listed_newest_first_and_survive_a_restart(door) -> None:
     for _ in range(2):
         names.append(client.post("/v1/deliveries", json=order(world)).json()["id"])
         finished(client, names[-1])
-    for listing in (client, door(world)):
-        listed = [d["id"] for d in listing.get("/v1/deliveries").json()["deliveries"]]
-        assert sorted(listed) == sorted(names)
+    before = client.get("/v1/deliveries").json()["deliveries"]
+    assert [delivery["id"] for delivery in before] == names[::-1]
+    assert door(world).get("/v1/deliveries").json()["deliveries"] == before
 
 
-def test_a_record_that_breaks_off_is_listed_as_failed(door, runs: Path) -> None:
+async def test_records_flown_without_an_orchestrator_are_listed_broken_ones_as_failed(door, runs: Path) -> None:
     world = BlockWorld()
+    question = DeliveryQuestion.model_validate(order(world))
+    whole, cut = (Run(Order(question), runs) for _ in range(2))
+    await whole.fly(Simulated(block_ports(world), world))
+    cut.record.close()
     client = door(world)
-    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    finished(client, name)
-    (runs / name / "result.json").unlink()
-    with (runs / name / "events.jsonl").open("a") as file:
-        file.write('{"number": 99, "time')
-    told = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
-    assert told.status == "done"
-    assert told.result is not None
-    assert told.result.outcome == "failed"
-    assert events_of(client, name)[-1].kind == "result"
+    listed = {d["id"]: d for d in client.get("/v1/deliveries").json()["deliveries"]}
+    assert listed.keys() == {whole.id, cut.id}
+    outcomes = {name: delivery["result"]["outcome"] for name, delivery in listed.items()}
+    assert (outcomes[whole.id], outcomes[cut.id]) == ("delivered", "failed")
+    assert events_of(client, whole.id) == read_events(runs / whole.id)
 
 
 @pytest.mark.parametrize(
@@ -275,12 +354,7 @@ VAGUE = "Please come to the window with the green flower pot"
 
 def asked(client: httpx.Client, name: str) -> Delivery:
     """The delivery once it waits for an answer."""
-    give_up = time.monotonic() + 10
-    while True:
-        delivery = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
-        if delivery.status == "needs_answer" or time.monotonic() > give_up:
-            return delivery
-        time.sleep(0.02)
+    return until(client, name, "needs_answer")
 
 
 def test_a_delivery_that_leaves_something_open_waits_and_an_answer_goes_on_with_it(door) -> None:
@@ -295,7 +369,7 @@ def test_a_delivery_that_leaves_something_open_waits_and_an_answer_goes_on_with_
     assert client.get("/v1/deliveries").json()["deliveries"][0]["status"] == "needs_answer"
     answered = client.post(f"/v1/deliveries/{name}/answer", json={"text": " floor 4 "})
     assert answered.status_code == 200
-    assert answered.json()["status"] == "flying"
+    assert answered.json()["status"] == "waiting"
     kinds = [e.kind for e in events_of(client, name)]
     assert kinds.index("question") < kinds.index("answer") < kinds.index("placed")
     done = finished(client, name)
@@ -341,24 +415,23 @@ def test_without_an_answer_in_time_a_delivery_ends_incomplete_with_its_question(
 
 def test_deliveries_that_wait_on_the_ground_keep_no_others_from_flying(door) -> None:
     world = BlockWorld(BEHIND)
-    client = door(world, max_live=1, max_waiting=1)
-    waiting = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
-    asked(client, waiting)
+    client = door(world, max_live=1)
+    waiting = [client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"] for _ in range(3)]
+    for name in waiting:
+        asked(client, name)
     flown = client.post("/v1/deliveries", json=order(world)).json()["id"]
     assert finished(client, flown).result.outcome == "delivered"
-    too_many = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
-    assert finished(client, too_many).result.outcome == "request_incomplete", "there is no room for a second to wait"
-    assert asked(client, waiting).status == "needs_answer"
+    assert [asked(client, name).status for name in waiting] == ["needs_answer"] * 3
 
 
-def test_an_answer_waits_for_its_turn_where_as_many_fly_as_may(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.3)
+def test_an_answered_delivery_waits_for_its_turn_where_as_many_fly_as_may(door) -> None:
+    world = BlockWorld(BEHIND, slow_s=0.1)
     client = door(world, max_live=1)
     waiting = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
     asked(client, waiting)
     flying = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    refused = client.post(f"/v1/deliveries/{waiting}/answer", json={"text": "floor 4"})
-    assert (refused.status_code, refused.headers["retry-after"]) == (429, "10")
+    until(client, flying, "flying")
+    answered = client.post(f"/v1/deliveries/{waiting}/answer", json={"text": "floor 4"})
+    assert (answered.status_code, answered.json()["status"]) == (200, "waiting")
     client.delete(f"/v1/deliveries/{flying}")
-    assert client.post(f"/v1/deliveries/{waiting}/answer", json={"text": "floor 4"}).status_code == 200
-    assert client.delete(f"/v1/deliveries/{waiting}").json()["result"]["outcome"] == "cancelled"
+    assert finished(client, waiting).result.outcome == "delivered"

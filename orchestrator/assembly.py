@@ -1,0 +1,64 @@
+"""An orchestrator put together: its database, its engine, and what they carry."""
+
+import asyncio
+import os
+import uuid
+from functools import partial
+
+from orchestrator.adoption import adopt
+from orchestrator.carrier import Carrier
+from orchestrator.deliveries import Bounds, Deliveries
+from orchestrator.engine import Engine
+from orchestrator.hangar import Hangar
+from orchestrator.keeper import Keeper
+from orchestrator.records import Records
+from orchestrator.store.database import Database
+from orchestrator.store.deliveries import DeliveryStore
+from orchestrator.store.executors import ExecutorStore
+from orchestrator.store.vehicles import VehicleStore
+from orchestrator.turns import Policy, Tools
+from orchestrator.watch import Watch
+
+ADOPT_EVERY_S = 15.0
+LEAVE_WITHIN_S = 3.0
+"""How long steps under way have to end by themselves when the process ends."""
+
+
+class Orchestrator:
+    """One process's share of the deliveries in a database."""
+
+    def __init__(self, database: Database, hangar: Hangar, records: Records, policy: Policy, bounds: Bounds) -> None:
+        executor = f"{os.uname().nodename[:40]}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
+        store = DeliveryStore(database.engine)
+        self.vehicles = VehicleStore(database.engine)
+        self._database = database
+        self._store = store
+        self._records = records
+        self._hangar = hangar
+        self._watch = Watch(store)
+        self._carrier = Carrier(Tools(store, self.vehicles, hangar, records, policy), self._watch, executor)
+        self._engine = Engine(database, executor, self._carrier.carry_on)
+        self._keeper = Keeper(
+            store, ExecutorStore(database.engine), self._engine, self._carrier, executor, alone=not database.shared
+        )
+        self.deliveries = Deliveries(store, self._watch, self._keeper, hangar, records, bounds)
+
+    async def start(self) -> None:
+        """Takes up what is there, and what comes."""
+        names = []
+        for vehicle in self._hangar.vehicles:
+            await asyncio.to_thread(self.vehicles.register, vehicle.name, vehicle.kind, vehicle.room)
+            names.append(vehicle.name)
+        adopted = partial(asyncio.to_thread, adopt, self._records.runs, self._store)
+        await adopted()
+        await self._engine.launch(await asyncio.to_thread(self.vehicles.room, names))
+        await self._keeper.start()
+        self._keeper.every(ADOPT_EVERY_S, adopted)
+
+    async def close(self) -> None:
+        """What is under way is left for another process, or for this one when it is started again."""
+        await self._carrier.close(LEAVE_WITHIN_S)
+        await self._watch.close()
+        await self._keeper.close()
+        await self._engine.close()
+        self._database.close()  # the engine has taken the loop's threads along

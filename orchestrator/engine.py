@@ -1,0 +1,120 @@
+"""The durable engine, DBOS Transact: queues of turns, and turns that another process takes over.
+
+A turn of a delivery is one workflow, and each of its steps one step of the workflow. A step's recorded output is only
+whether there is another one: what it did stands in the deliveries' tables, in one transaction. So a step that was done
+and not recorded is, when it is done again, the next one.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+
+from dbos import DBOS, DBOSConfig, EnqueueOptions
+
+from contracts.orchestrator import MAX_PRIORITY
+from orchestrator.store.database import Database
+from orchestrator.store.deliveries import StoredDelivery
+
+CarryOn = Callable[[str, int], Awaitable[bool]]
+"""One step of that turn of a delivery; false when the turn is over."""
+
+TURN = "turn"
+WORKFLOWS_VERSION = "1"
+"""Of the workflows' form: a delivery queued by a program of the same version is carried on after an upgrade."""
+POLL_S = 0.25
+BATCH = 200
+REQUESTS_AT_A_TIME = 8
+"""Requests that one process reads at a time."""
+
+
+class Engine:
+    """One a process: DBOS keeps its own in globals."""
+
+    def __init__(self, database: Database, executor: str, carry_on: CarryOn) -> None:
+        self._database = database
+        self._executor = executor
+        self._carry_on = carry_on
+        self._room = 0
+        self._running = False
+
+    async def launch(self, room: int) -> None:
+        """Begins to work off the queues; `room`: deliveries that may fly at a time, over all processes. Workflows run
+        in the calling event loop."""
+        carry_on = self._carry_on
+        config: DBOSConfig = {
+            "name": "logisticsvln",
+            "system_database_url": self._database.url.render_as_string(hide_password=False),
+            "system_database_engine": self._database.engine,
+            "executor_id": self._executor,
+            "application_version": WORKFLOWS_VERSION,
+            "log_level": "ERROR",
+            "console_log_level": "ERROR",
+            "enable_otlp": False,
+            "max_executor_threads": 16,
+            "use_listen_notify": False,
+            "scheduler_polling_interval_sec": 3600.0,
+        }
+        DBOS(config=config)
+
+        @DBOS.workflow(name=TURN, max_recovery_attempts=None)
+        async def turn(delivery: str, number: int) -> None:
+            while await DBOS.run_step_async({"name": "step"}, carry_on, delivery, number):
+                pass
+
+        DBOS.launch()
+        self._running = True
+        self._room = room
+        await DBOS.register_queue_async("request", worker_concurrency=REQUESTS_AT_A_TIME, polling_interval_sec=POLL_S)
+        await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=POLL_S)
+        await DBOS.register_queue_async("prompt", polling_interval_sec=POLL_S)
+
+    async def set_room(self, room: int) -> None:
+        """From now on so many may fly at a time."""
+        if room != self._room:
+            self._room = room
+            await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=POLL_S)
+
+    async def queue(self, turns: Sequence[StoredDelivery]) -> None:
+        """The due turns of these deliveries; one that is queued already is not queued again."""
+        await asyncio.to_thread(self._queue, turns)
+
+    def _queue(self, turns: Sequence[StoredDelivery]) -> None:
+        for stored in turns:
+            options: EnqueueOptions = {
+                "workflow_name": TURN,
+                "queue_name": stored.lane,
+                "workflow_id": workflow_id(stored.id, stored.turn),
+                "app_version": WORKFLOWS_VERSION,
+                # the engine's 1 goes first
+                "priority": 1 + MAX_PRIORITY - stored.priority,
+            }
+            DBOS.enqueue_workflow_with_options(options, stored.id, stored.turn)
+
+    async def take_over(self, dead: Sequence[str]) -> None:
+        """Turns that were begun by processes that have died are queued again, and go on at the step that they had come
+        to; a turn that somebody has taken over already stays with them."""
+        await asyncio.to_thread(DBOS._recover_pending_workflows, list(dead))
+
+    async def has(self, stored: StoredDelivery) -> bool:
+        """Is that delivery's turn queued or under way?"""
+        status = await DBOS.get_workflow_status_async(workflow_id(stored.id, stored.turn))
+        return status is not None and status.status in ("ENQUEUED", "PENDING")
+
+    async def forget_finished(self) -> None:
+        """Deletes what the engine has recorded of turns that are over: the deliveries' tables say all of it."""
+        while True:
+            over = await DBOS.list_workflows_async(
+                status=["SUCCESS", "ERROR", "CANCELLED"], limit=BATCH, load_input=False, load_output=False
+            )
+            await DBOS.delete_workflows_async([workflow.workflow_id for workflow in over])
+            if len(over) < BATCH:
+                return
+
+    async def close(self) -> None:
+        """Turns that are not over stay as they are, to be taken over."""
+        if self._running:
+            self._running = False
+            await asyncio.to_thread(DBOS.destroy, destroy_registry=True, workflow_completion_timeout_sec=0)
+
+
+def workflow_id(delivery: str, turn: int) -> str:
+    return f"{delivery}.{turn}"

@@ -1,0 +1,96 @@
+"""The database of the orchestrators: an SQLite file that one of them has for itself, or PostgreSQL for several."""
+
+import fcntl
+from pathlib import Path
+from typing import TextIO
+
+import sqlalchemy as sa
+from sqlalchemy import event
+from sqlalchemy.exc import ArgumentError, SQLAlchemyError
+
+from orchestrator.store.tables import MIGRATIONS, metadata, schema_version
+from service_kit.settings import BadSetting
+
+BUSY_S = 30
+POOL = 20
+
+
+class Database:
+    """`engine` is everybody's: the deliveries' tables and those of the durable engine lie side by side. `shared`: other
+    processes may use it at the same time."""
+
+    def __init__(self, url: str) -> None:
+        """Opens the database and brings its tables to today's form. Raises BadSetting where it can't be opened,
+        somebody else has the file, or it is of a newer version."""
+        try:
+            parsed = sa.make_url(url)
+        except ArgumentError:
+            raise BadSetting("DATABASE_URL: give postgresql://user:password@host/name or sqlite:///file") from None
+        self.shared = parsed.get_backend_name() == "postgresql"
+        self._lock: TextIO | None = None
+        if self.shared:
+            parsed = parsed.set(drivername="postgresql+psycopg")
+            self.engine = sa.create_engine(parsed, pool_size=POOL, max_overflow=POOL, pool_pre_ping=True)
+        elif parsed.get_backend_name() == "sqlite" and parsed.database:
+            self._lock = _alone(Path(parsed.database))
+            self.engine = sa.create_engine(parsed, pool_size=POOL, max_overflow=POOL)
+            event.listen(self.engine, "connect", _prepare_sqlite)
+        else:
+            raise BadSetting("DATABASE_URL: give postgresql://user:password@host/name or sqlite:///file")
+        self.url = parsed
+        try:
+            self._migrate()
+        except SQLAlchemyError as error:
+            self.close()
+            reason = str(getattr(error, "orig", error)).strip().splitlines()[0]
+            raise BadSetting(f"DATABASE_URL: {parsed.render_as_string(hide_password=True)}: {reason}") from None
+
+    def close(self) -> None:
+        self.engine.dispose()
+        if self._lock is not None:
+            self._lock.close()
+
+    def _migrate(self) -> None:
+        with self.engine.begin() as connection:
+            if self.shared:  # one at a time; freed with the transaction
+                connection.execute(sa.text("SELECT pg_advisory_xact_lock(7203114)"))
+            else:
+                connection.execute(sa.text("BEGIN IMMEDIATE"))
+            schema_version.create(connection, checkfirst=True)
+            found = connection.execute(sa.select(schema_version.c.version)).scalar() or 0
+            if found > len(MIGRATIONS):
+                raise BadSetting(
+                    f"DATABASE_URL: the database is of version {found}, this program knows up to {len(MIGRATIONS)}: "
+                    "run the newer program, or restore the backup made before the upgrade"
+                )
+            steps = (metadata.create_all,) if found == 0 else MIGRATIONS[found:]
+            for step in steps:
+                step(connection)
+            connection.execute(schema_version.delete())
+            connection.execute(schema_version.insert().values(version=len(MIGRATIONS)))
+
+
+def _alone(file: Path) -> TextIO:
+    """A lock beside the file; the operating system frees it when the process ends."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        lock = file.with_name(file.name + ".lock").open("w", encoding="utf-8")
+    except OSError as error:
+        raise BadSetting(f"DATABASE_URL: {file}: {error.strerror}") from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        lock.close()
+        raise BadSetting(
+            f"DATABASE_URL: another orchestrator uses {file}; end that one, or give several a PostgreSQL database"
+        ) from None
+    except OSError:  # a file system without locks
+        pass
+    return lock
+
+
+def _prepare_sqlite(connection: object, _: object) -> None:
+    """Writers take turns from the beginning of a transaction; what is committed is on the disk."""
+    connection.isolation_level = "IMMEDIATE"  # type: ignore[attr-defined]
+    for pragma in (f"busy_timeout={BUSY_S * 1000}", "journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
+        connection.execute(f"PRAGMA {pragma}")  # type: ignore[attr-defined]

@@ -1,0 +1,91 @@
+"""An orchestrator as a process of its own beside the other services: killed, and started again."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+import httpx
+
+from contracts.events import Event, read_event
+from contracts.orchestrator import Delivery
+from service_kit.addresses import Addresses
+from service_kit.settings import process_environment
+from tests.conftest import free_port
+
+
+class OrchestratorProcess:
+    """Always at the same address; `settings` are environment variables."""
+
+    def __init__(self, at: Addresses, runs: Path, settings: Mapping[str, str] | None = None) -> None:
+        self.port = free_port()
+        self.url = f"http://127.0.0.1:{self.port}"
+        self._environment = process_environment() | {
+            "PORT": str(self.port),
+            "RUNS_DIR": str(runs),
+            "LLM_PARSER_URL": at.llm_parser,
+            "VLM_GATEWAY_URL": at.vlm_gateway,
+            "DEPTH_ASSIST_URL": at.depth_assist,
+            "SIM_URL": at.sim,
+            **(settings or {}),
+        }
+        self._log = runs.parent / f"orchestrator-{self.port}.log"
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Returns when it answers."""
+        command = [sys.executable, "-m", "orchestrator"]
+        with self._log.open("ab") as log:
+            self._process = subprocess.Popen(command, env=self._environment, stdout=log, stderr=log)
+        give_up = time.monotonic() + 60
+        while True:
+            with contextlib.suppress(httpx.TransportError):
+                if httpx.get(f"{self.url}/healthz").status_code == 200:
+                    return
+            if self._process.poll() is not None or time.monotonic() > give_up:
+                raise RuntimeError(f"the orchestrator did not start: {self.log()[-2000:]}")
+            time.sleep(0.05)
+
+    def kill(self) -> None:
+        """SIGKILL, whatever it is doing."""
+        self._end(signal.SIGKILL)
+
+    def stop(self) -> None:
+        self._end(signal.SIGTERM)
+
+    def log(self) -> str:
+        return self._log.read_text()
+
+    def _end(self, how: signal.Signals) -> None:
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self._process.pid, how)
+            self._process.wait(30)
+            self._process = None
+
+    def post(self, **question: object) -> str:
+        """The id of a new delivery."""
+        answer = httpx.post(f"{self.url}/v1/deliveries", json=question, timeout=30)
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["id"])
+
+    def delivery(self, name: str) -> Delivery:
+        return Delivery.model_validate(httpx.get(f"{self.url}/v1/deliveries/{name}", timeout=30).json())
+
+    def events(self, name: str, after: int = 0, until: int | None = None) -> list[Event]:
+        """The stream's events numbered above `after`, to its end, to number `until`, or to the process's death."""
+        found: list[Event] = []
+        headers = {"Last-Event-ID": str(after)}
+        with contextlib.suppress(httpx.TransportError):
+            address = f"{self.url}/v1/deliveries/{name}/events"
+            with httpx.stream("GET", address, headers=headers, timeout=60) as answer:
+                for line in answer.iter_lines():
+                    if line.startswith("data: {") and line != "data: {}":
+                        found.append(read_event(line.removeprefix("data: ")))
+                    if until is not None and found and found[-1].number >= until:
+                        break
+        return found
