@@ -64,15 +64,17 @@ def jpeg_base64(seed: int) -> str:
 
 
 def body(workload: str) -> Body:
-    """A chat at temperature 0, so that it is looked up in the cache wherever there is one."""
-    pictures = {"A": 0, "B": 1, "C": 5, "D": 1}[workload]
+    """A chat at temperature 0, so that it is looked up in the cache wherever there is one. S is A as a stream."""
+    pictures = {"A": 0, "B": 1, "C": 5, "D": 1, "S": 0}[workload]
     content: list[dict[str, object]] = [{"type": "text", "text": "Request @@: how many floors are below the window?"}]
     for seed in range(pictures):
         url = f"data:image/jpeg;base64,{jpeg_base64(seed)}"
         content.append({"type": "image_url", "image_url": {"url": url}})
     words = content if pictures else "Request @@: deliver the parcel to the third floor, left of the red awning."
     messages = [{"role": "user", "content": words}]
-    chat = {"messages": messages, "model": "mock", "temperature": 0, "max_tokens": 128}
+    chat: dict[str, object] = {"messages": messages, "model": "mock", "temperature": 0, "max_tokens": 128}
+    if workload == "S":
+        chat |= {"model": "mock-stream", "stream": True}
     before, after = json.dumps(chat, separators=(",", ":")).encode().split(b"@@")
     return Body(before, after, unique=workload != "D")
 

@@ -1,7 +1,7 @@
 """`python -m tests.load.chat_mock PORT [MS]`: a model server that costs next to nothing, to measure what is in front.
 
-Answers every POST with the same completion, at once or after MS milliseconds, and `GET /stats` with how many there
-were. Prints its port.
+Answers every POST with the same completion, at once or after MS milliseconds, those under `/stream/` with the same
+stream, an event a write, and `GET /stats` with how many there were. Prints its port.
 """
 
 import asyncio
@@ -26,6 +26,29 @@ def _reply(body: bytes) -> bytes:
 
 
 REPLY = _reply(json.dumps(COMPLETION).encode())
+STREAM_HEAD = b"HTTP/1.1 200 OK\r\ncontent-type: text/event-stream\r\ntransfer-encoding: chunked\r\n\r\n"
+STREAM_WORDS = 32
+
+
+def _chunk(data: bytes) -> bytes:
+    return b"%x\r\n%s\r\n" % (len(data), data)
+
+
+def _event(delta: dict[str, str], finish_reason: str | None = None, usage: dict[str, int] | None = None) -> bytes:
+    """As vLLM writes them: without choices where it says what the answer cost."""
+    choices = [{"index": 0, "delta": delta, "logprobs": None, "finish_reason": finish_reason}] if usage is None else []
+    event = {"id": "chatcmpl-1", "object": "chat.completion.chunk", "created": 1_700_000_000, "model": "mock"}
+    event |= {"choices": choices} | ({} if usage is None else {"usage": usage})
+    return b"data: " + json.dumps(event, separators=(",", ":")).encode() + b"\n\n"
+
+
+STREAM = [
+    STREAM_HEAD + _chunk(_event({"role": "assistant", "content": ""})),
+    *(_chunk(_event({"content": f" word{number}"})) for number in range(STREAM_WORDS)),
+    _chunk(_event({}, "stop")),
+    _chunk(_event({}, usage={"prompt_tokens": 900, "completion_tokens": STREAM_WORDS, "total_tokens": 932})),
+    _chunk(b"data: [DONE]\n\n") + b"0\r\n\r\n",
+]
 
 
 class Mock(asyncio.Protocol):
@@ -37,6 +60,7 @@ class Mock(asyncio.Protocol):
     def __init__(self) -> None:
         self._head = b""
         self._left = 0
+        self._streams = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
@@ -60,13 +84,21 @@ class Mock(asyncio.Protocol):
             else:
                 at = head.find(b"content-length:")
                 self._left = int(head[at + 15 :].split(b"\r\n", 1)[0])
+                self._streams = b"/stream/" in head[: head.find(b"\r\n")]
 
     def _answer(self) -> None:
         Mock.answered += 1
-        if self.after_s:
+        if self._streams:
+            self._stream(0)
+        elif self.after_s:
             asyncio.get_running_loop().call_later(self.after_s, self._transport.write, REPLY)
         else:
             self._transport.write(REPLY)
+
+    def _stream(self, at: int) -> None:
+        self._transport.write(STREAM[at])
+        if at + 1 < len(STREAM):
+            asyncio.get_running_loop().call_soon(self._stream, at + 1)
 
 
 async def main(port: int) -> None:

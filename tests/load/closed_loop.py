@@ -6,11 +6,15 @@ for a number that makes each of them different.
 
 import asyncio
 import itertools
+import sys
 import time
 from collections.abc import Sequence
 from typing import NamedTuple, cast
 
 import uvloop
+
+_CHUNKED = sys.maxsize
+_LAST_CHUNK = b"\r\n0\r\n\r\n"
 
 
 class Body(NamedTuple):
@@ -53,8 +57,9 @@ class _Connection(asyncio.Protocol):
                 return
             head = self._received[:end].lower()
             at = head.find(b"content-length:")
-            self._want = end + 4 + int(head[at + 15 :].split(b"\r\n", 1)[0])
-        if len(self._received) >= self._want:
+            self._want = _CHUNKED if at < 0 else end + 4 + int(head[at + 15 :].split(b"\r\n", 1)[0])
+        whole = self._received.endswith(_LAST_CHUNK) if self._want == _CHUNKED else len(self._received) >= self._want
+        if whole:
             now = time.perf_counter()
             self._loop.answered(now - self._sent_at, self._received.startswith(b"HTTP/1.1 200"))
             if now < self._loop.until:

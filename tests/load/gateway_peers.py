@@ -80,13 +80,20 @@ def resident_mb(pids: set[int]) -> float:
 
 @contextmanager
 def process(
-    name: str, command: list[str], url: str, ready: str, environment: dict[str, str], core: int, within_s: float = 180.0
+    name: str,
+    command: list[str],
+    url: str,
+    ready: str,
+    environment: dict[str, str],
+    core: int,
+    within_s: float = 180.0,
+    root: Path = ROOT,
 ) -> Iterator[Peer]:
-    """A server pinned to one core, once it answers at `ready`; ended on leaving."""
+    """A server started in the folder `root`, pinned to one core, once it answers at `ready`; ended on leaving."""
     with tempfile.TemporaryFile() as log:
         started = time.perf_counter()
         child = subprocess.Popen(
-            ["taskset", "-c", str(core), *command], env=os.environ | environment, stdout=log, stderr=log
+            ["taskset", "-c", str(core), *command], env=os.environ | environment, stdout=log, stderr=log, cwd=root
         )
         try:
             while True:
@@ -113,13 +120,19 @@ def process(
 
 @contextmanager
 def second_start(
-    name: str, command: list[str], url: str, ready: str, environment: dict[str, str], core: int
+    name: str,
+    command: list[str],
+    url: str,
+    ready: str,
+    environment: dict[str, str],
+    core: int,
+    root: Path = ROOT,
 ) -> Iterator[Peer]:
     """As every start is but the first after an installation, in which Python compiles what it reads."""
     environment = {**environment, "PYTHONDONTWRITEBYTECODE": ""}
-    with process(name, command, url, ready, environment, core):
+    with process(name, command, url, ready, environment, core, root=root):
         pass
-    with process(name, command, url, ready, environment, core) as peer:
+    with process(name, command, url, ready, environment, core, root=root) as peer:
         yield peer
 
 
@@ -135,20 +148,26 @@ def mock_server(core: int, after_ms: float = 0.0) -> Iterator[str]:
         child.wait(10)
 
 
-def ours(stack: ExitStack, folder: Path, mock: str, redis: str, core: int) -> Peer:
-    config = folder / "gateway.toml"
+def ours(
+    stack: ExitStack, folder: Path, mock: str, redis: str, core: int, *, root: Path = ROOT, name: str = "ours"
+) -> Peer:
+    """The gateway of the working tree `root`, with everything on. `mock` answers whole, `mock-stream` in streams."""
+    config = folder / f"{name}.toml"
     digest = hashlib.sha256(KEY.encode()).hexdigest()
-    config.write_text(
-        f'[models.mock]\nbackend = "chat"\nbase_url = "{mock}/v1"\nmodel = "maker/mock-1"\npreset = "gpt-4o"\n'
+    models = "".join(
+        f'[models.{alias}]\nbackend = "chat"\nbase_url = "{mock}{path}/v1"\nmodel = "maker/mock-1"\npreset = "gpt-4o"\n'
         "concurrency = 64\nusd_per_million_prompt = 1.0\nusd_per_million_completion = 2.0\n\n"
-        f'[keys.bench]\nsha256 = "{digest}"\nrequests_per_minute = 10000000\nconcurrency = 1000\n'
+        for alias, path in (("mock", ""), ("mock-stream", "/stream"))
+    )
+    config.write_text(
+        f'{models}[keys.bench]\nsha256 = "{digest}"\nrequests_per_minute = 10000000\nconcurrency = 1000\n'
         "tokens_per_minute = 10000000000\n"
     )
     port = free_port()
     environment = {"GATEWAY_CONFIG": str(config), "REDIS_URL": redis, "PORT": str(port), "HOST": "127.0.0.1"}
-    command = [sys.executable, "-m", "services.vlm_gateway"]
+    command = [str(root / ".venv" / "bin" / "python"), "-m", "services.vlm_gateway"]
     url = f"http://127.0.0.1:{port}"
-    return stack.enter_context(second_start("ours", command, url, "/readyz", environment, core))
+    return stack.enter_context(second_start(name, command, url, "/readyz", environment, core, root))
 
 
 def litellm(stack: ExitStack, folder: Path, mock: str, redis: str | None, core: int) -> Peer:

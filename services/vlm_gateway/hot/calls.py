@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from service_kit.errors import NotFound
+from service_kit.errors import NotFound, ServiceError
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.errors import ModelError, ModelRejected
 from services.vlm_gateway.hot.exchange import Stored
@@ -85,14 +85,9 @@ class Models:
         """The targets of a chat, in the order in which they are asked: those that take all of its fields. Raises
         NotFound, Forbidden or BadQuestion."""
         alias = chat.alias or self.default
-        mine = sorted(alias for alias in self._targets if key.may_ask(alias))
-        if alias is None or alias not in self._targets:
-            why = "no model is named and none has the role 'parser'" if alias is None else f"no chat model {alias!r}"
-            known = ", ".join(mine) or "none; configure one with backend 'chat'"
-            raise NotFound(f"{why}; chat models: {known}", code="model_not_found", details={"models": mine})
-        if not key.may_ask(alias):
-            raise Forbidden(f"this key may not ask model {alias!r}; it may ask {', '.join(mine) or 'none'}")
-        first = self._targets[alias]
+        first = self._targets.get(alias) if alias is not None else None
+        if first is None or alias is None or not key.may_ask(alias):
+            raise self._not_asked(alias, key)
         if chat.plain and not chat.further:
             return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
         if unknown := chat.further - first.accepts.fields:
@@ -102,6 +97,15 @@ class Models:
             raise unknown_parts(unknown, alias)
         others = (self._targets[name] for name in first.fallbacks if key.may_ask(name))
         return [first, *(other for other in others if other.accepts.takes(chat.further, kinds))]
+
+    def _not_asked(self, alias: str | None, key: Key) -> ServiceError:
+        """Why the model of this alias is not asked for this key."""
+        mine = sorted(alias for alias in self._targets if key.may_ask(alias))
+        if alias in self._targets:
+            return Forbidden(f"this key may not ask model {alias!r}; it may ask {', '.join(mine) or 'none'}")
+        why = "no model is named and none has the role 'parser'" if alias is None else f"no chat model {alias!r}"
+        known = ", ".join(mine) or "none; configure one with backend 'chat'"
+        return NotFound(f"{why}; chat models: {known}", code="model_not_found", details={"models": mine})
 
     async def whole(self, call: ChatCall) -> Answered:
         """Target by target, until one answers. Raises OverBudget as well."""

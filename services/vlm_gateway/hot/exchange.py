@@ -77,6 +77,8 @@ class Exchange:
         self.trace = self._span.traceparent or head.trace
 
     def end_span(self) -> None:
+        if self._span is NO_SPAN:
+            return
         facts = {"http.response.status_code": self.status, "logisticsvln.outcome": self.outcome}
         if self.status >= 500:
             facts["error.type"] = self.outcome
@@ -197,11 +199,9 @@ class Exchange:
         self.response_started, self.status = True, status
         if self._expects_100 and not self.size:
             self.keep_alive = False  # the caller may leave its body out, and nobody could tell
-        parts = [STATUS_LINE[status]]
-        for name, value in self._line.server_state.default_headers:
-            parts += (name, b": ", value, b"\r\n")
-        for name, value in headers:
-            parts += (name, b": ", value, b"\r\n")
+        parts = [STATUS_LINE[status], _every.lines(self._line.server_state.default_headers)]
+        for header in headers:
+            parts.append(b"%s: %s\r\n" % header)
         parts.append(self._identity())
         if self.allowed_origin is not None:
             parts += (b"access-control-allow-origin: ", self.allowed_origin, b"\r\n", _EXPOSE)
@@ -224,8 +224,25 @@ class Exchange:
         self._line.on_response_complete()
 
 
+class _EveryAnswer:
+    """The header lines of every answer, made anew when uvicorn has new ones: once a second, for the date."""
+
+    def __init__(self) -> None:
+        self._headers: list[Header] = []
+        self._lines = b""
+
+    def lines(self, headers: list[Header]) -> bytes:
+        if headers is not self._headers:
+            self._headers = headers
+            self._lines = b"".join(b"%s: %s\r\n" % header for header in headers)
+        return self._lines
+
+
+_every = _EveryAnswer()
+
+
 def _chunk(body: bytes) -> bytes:
-    return b"%x\r\n" % len(body) + body + b"\r\n"
+    return b"%x\r\n%s\r\n" % (len(body), body)
 
 
 def too_large(limit: int) -> ServiceError:

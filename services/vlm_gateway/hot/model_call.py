@@ -4,7 +4,7 @@ import time
 
 from services.vlm_gateway.errors import ModelError
 from services.vlm_gateway.metrics import GatewayMetrics
-from services.vlm_gateway.tracking import Span, call_facts
+from services.vlm_gateway.tracking import NO_SPAN, Span, call_facts
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.upstream.replies import Spent
 from services.vlm_gateway.usage.accounts import Bill
@@ -40,7 +40,8 @@ class ModelCall:
         took_s = time.perf_counter() - self._started
         tokens = used if used != NOTHING or not error else None
         self._metrics.model_called(self._target.provider, self._target.alias, took_s, tokens, error)
-        self._span.end(**call_facts(tokens, error))
+        if self._span is not NO_SPAN:
+            self._span.end(**call_facts(tokens, error))
 
     def failed(self, error: ModelError) -> None:
         """It brought nothing. A server that said more than is taken has been paid for it."""

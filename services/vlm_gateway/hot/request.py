@@ -42,6 +42,8 @@ one answer."""
 _KNOWN = PASSED | DROPPED | {"model", "stream"}
 _ROLES = frozenset({"system", "developer", "user", "assistant", "tool", "function"})
 MAX_ALIAS = 128
+_RANGES = {"temperature": (0, 2), "top_p": (0, 1), "presence_penalty": (-2, 2), "frequency_penalty": (-2, 2)}
+_BOUNDED = frozenset({*_RANGES, "max_tokens", "max_completion_tokens"})
 
 
 class Chat(NamedTuple):
@@ -99,20 +101,16 @@ def check_chat(body: object, cut_outs: CutOuts, limits: ChatLimits) -> Chat:
 
 
 def _check_numbers(body: dict[str, Any], limits: ChatLimits) -> None:
-    for name in ("max_tokens", "max_completion_tokens"):
-        limit = body.get(name)
-        if limit is not None and (not _is_int(limit) or not 1 <= limit <= limits.tokens):
-            raise invalid(name, f"a whole number from 1 to {limits.tokens} is wanted")
-    for name, low, high in (
-        ("temperature", 0, 2),
-        ("top_p", 0, 1),
-        ("presence_penalty", -2, 2),
-        ("frequency_penalty", -2, 2),
-    ):
-        value = body.get(name)
-        if value is not None and (
-            isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high
-        ):
+    for name in _BOUNDED.intersection(body):
+        value = body[name]
+        if value is None:
+            continue
+        if name not in _RANGES:
+            if not _is_int(value) or not 1 <= value <= limits.tokens:
+                raise invalid(name, f"a whole number from 1 to {limits.tokens} is wanted")
+            continue
+        low, high = _RANGES[name]
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
             raise invalid(name, f"a number from {low} to {high} is wanted")
 
 

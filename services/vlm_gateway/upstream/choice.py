@@ -107,6 +107,9 @@ class EndpointChoice:
     def pick(self, caller: str, marks: Sequence[Mark], tried: Collection[Endpoint] = ()) -> Endpoint | None:
         """The server to ask next for this caller, none of those `tried` where there is another; None where none is to
         be asked."""
+        if len(self.endpoints) == 1:
+            only = self.endpoints[0]
+            return only if only.health.allow(caller) else None
         for group in ([e for e in self.endpoints if e not in tried], list(tried)):
             for endpoint in self._in_order(group, caller, marks):
                 if endpoint.health.allow(caller):
@@ -123,8 +126,6 @@ class EndpointChoice:
         return not (endpoint.drained or endpoint.unwell or endpoint.is_busy or endpoint.health.wait_s(caller))
 
     def _in_order(self, group: Sequence[Endpoint], caller: str, marks: Sequence[Mark]) -> list[Endpoint]:
-        if len(group) == 1 and len(self.endpoints) == 1:
-            return list(group)
         open_ = [e for e in group if self._open(e, caller)] or [e for e in group if not e.drained]
         if canary := self._due_canary(open_):
             return [canary, *(e for e in open_ if e is not canary)]

@@ -178,16 +178,27 @@ class Connection(asyncio.Protocol):
             self._parser.feed_data(data)
         except (httptools.HttpParserError, httptools.HttpParserUpgrade) as error:
             ours = error.__context__  # what one of the callbacks below raised
+            if self._max_bytes is None and self._pieces:
+                self._pass_on()  # what came before it
             if self._complete:
                 self._reusable = False  # something behind a whole reply: that reply stands, the connection doesn't
                 self.leave()
             else:
                 self._fail(ours if isinstance(ours, BrokenReply) else BrokenReply("garbage", "the reply is not HTTP"))
         else:
+            if self._max_bytes is None and self._pieces:
+                self._pass_on()
             if self._complete and self._max_bytes is not None:
                 self.release()  # only now: all of these bytes were the reply's; a stream is released by its reader
             elif not self._head_seen and self._head_bytes > MAX_HEAD_BYTES:
                 self._fail(BrokenReply("too_large", f"the reply's head is over {MAX_HEAD_BYTES} bytes"))
+
+    def _pass_on(self) -> None:
+        """Tell a stream's reader, and read no more than it takes."""
+        if self._size > HIGH_WATER_BYTES and not self._paused and self._transport is not None:
+            self._paused = True
+            self._transport.pause_reading()
+        self._wake()
 
     def pause_writing(self) -> None:
         self._unsent = True
@@ -240,12 +251,7 @@ class Connection(asyncio.Protocol):
     def on_body(self, body: bytes) -> None:
         self._pieces.append(body)
         self._size += len(body)
-        if self._max_bytes is None:
-            if self._size > HIGH_WATER_BYTES and not self._paused and self._transport is not None:
-                self._paused = True
-                self._transport.pause_reading()
-            self._wake()
-        elif self._size > self._max_bytes:
+        if self._max_bytes is not None and self._size > self._max_bytes:
             raise BrokenReply("too_large", f"the reply is over {self._max_bytes} bytes")
 
     def on_message_complete(self) -> None:

@@ -13,6 +13,7 @@ from jiter import from_json
 from pydantic_core import to_json
 
 from services.vlm_gateway.upstream.error_forms import error_inside
+from services.vlm_gateway.upstream.plain_events import PlainEvents, Skimmed
 from services.vlm_gateway.upstream.replies import Spent, tokens_of
 
 MAX_EVENT_BYTES = 8 * 1024 * 1024
@@ -44,6 +45,11 @@ class EventSplitter:
     def __init__(self) -> None:
         self._rest = bytearray()
         self._searched = 0
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether what comes next begins a new event."""
+        return not self._rest
 
     def feed(self, piece: bytes) -> list[bytes]:
         """All events that are whole now. Raises EventTooLarge."""
@@ -87,6 +93,7 @@ class ChatReader:
         self.error: object = None
         self.content_events = 0
         self._characters = 0
+        self._plain = PlainEvents()
 
     @property
     def ended(self) -> bool:
@@ -110,6 +117,15 @@ class ChatReader:
             refused=self.refused,
             length_asked_for=length_asked_for,
         )
+
+    def skim(self, piece: bytes) -> Skimmed:
+        """The events at the beginning of `piece` that need not be read, as they are like one that was."""
+        skimmed = self._plain.skim(piece)
+        if skimmed.events:
+            self.content_events += skimmed.events
+            self._characters += skimmed.characters
+            self.has_words = self.has_words or not skimmed.blank
+        return skimmed
 
     def read(self, event: bytes, *, without_usage: bool) -> tuple[Kind, bytes]:
         """What one event is, and what is to be passed on of it: nothing of its `usage` where that is not wanted.
@@ -138,9 +154,10 @@ class ChatReader:
             self.error = error
             return "error", event
         kind = self._chunk(said)
-        if without_usage and "usage" in said:
-            return kind, _without_usage(event, data, said)
-        return kind, event
+        passed_on = _without_usage(event, data, said) if without_usage and "usage" in said else event
+        if kind == "content" and (words := _only_words(said)):
+            self._plain.learn(event, passed_on, words)
+        return kind, passed_on
 
     def _chunk(self, said: dict[str, Any]) -> Kind:
         """A chunk of the completion."""
@@ -180,6 +197,18 @@ class ChatReader:
             found = True
             self._characters += len(value) if isinstance(value, str) else len(to_json(value)) // 2
         return found
+
+
+def _only_words(said: dict[str, Any]) -> str:
+    """The words of a chunk that says nothing else; empty where it does."""
+    choice = said["choices"][0]
+    delta = choice.get("delta") if isinstance(choice, dict) else None
+    if len(said["choices"]) > 1 or not isinstance(delta, dict) or choice.get("finish_reason"):
+        return ""
+    telling = [name for name, value in delta.items() if value and name != "role"]
+    words = delta.get("content")
+    counted = said.get("usage") or choice.get("usage")
+    return words if telling == ["content"] and isinstance(words, str) and not counted else ""
 
 
 def outcome_of(finish_reason: str | None, *, has_content: bool, refused: bool, length_asked_for: bool) -> str:

@@ -21,7 +21,7 @@ class Prober:
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        if not self._tasks and self._every_s > 0.0:
+        if self._endpoints and not self._tasks and self._every_s > 0.0:
             self._tasks = [asyncio.create_task(self._watch(endpoint)) for endpoint in self._endpoints]
 
     async def close(self) -> None:

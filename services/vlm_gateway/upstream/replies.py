@@ -266,6 +266,9 @@ def _text(value: object) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def _tokens(*counts: object) -> Spent:
-    prompt, completion = (n if isinstance(n, int) and not isinstance(n, bool) and n >= 0 else 0 for n in counts)
-    return Spent(prompt, completion)
+def _tokens(prompt: object, completion: object) -> Spent:
+    return Spent(_count(prompt), _count(completion))
+
+
+def _count(value: object) -> int:
+    return value if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else 0

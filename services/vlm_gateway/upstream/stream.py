@@ -101,7 +101,10 @@ class ChatStream:
             deadline = min(deadline, asyncio.get_running_loop().time() + LINGER_S)
         try:
             piece = await self._stream.piece(deadline)
-            events = self._splitter.feed(piece) if piece else [rest] if (rest := self._splitter.rest()) else []
+            skimmed = self._skim(piece) if self._splitter.is_empty else 0
+            if skimmed and skimmed == len(piece):
+                return
+            events = self._splitter.feed(piece[skimmed:]) if piece else [rest] if (rest := self._splitter.rest()) else []
         except BrokenReply as broken:
             self._broke(broken)
             return
@@ -110,11 +113,21 @@ class ChatStream:
             self._fail(self._replies.unreachable(what, "too_large"), "request")
             return
         for event in events:
+            if self._skim(event):
+                continue
             self._take(event)
             if self._failure is not None:
                 return
         if not piece:
             self._end()
+
+    def _skim(self, piece: bytes) -> int:
+        """Take what of `piece` need not be read; how many bytes that is."""
+        skimmed = self.said.skim(piece)
+        if skimmed.events:
+            self._has_data = True
+            self._ready.append(self._replies.masked(skimmed.passed_on))
+        return skimmed.end
 
     def _take(self, event: bytes) -> None:
         kind, passed_on = self.said.read(event, without_usage=self._without_usage)
