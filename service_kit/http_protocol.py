@@ -32,7 +32,8 @@ MAX_DROPPED_BYTES = 64 * 1024 * 1024
 _UPGRADE_HEADERS = frozenset({b"upgrade", b"http2-settings"})
 _UPGRADE_TOKENS = frozenset({b"upgrade", b"http2-settings"})
 
-Stage = Literal["none", "head", "body"]
+Stage = Literal["none", "head", "body", "idle"]
+"""What a connection's caller is waited for with: nothing, a request's head, its body, or a request at all."""
 
 
 class ServiceProtocol(HttpToolsProtocol):
@@ -44,7 +45,8 @@ class ServiceProtocol(HttpToolsProtocol):
         self._limits = connections.limits
         self._stage: Stage = "none"
         self._watched: Stage = "none"
-        self._deadline: asyncio.TimerHandle | None = None
+        self._due = 0.0
+        self._timer: asyncio.TimerHandle | None = None
         self._writing: asyncio.TimerHandle | None = None
         self._unread = 0
         self._bodies: deque[int] = deque()  # bytes held of each request without an answer yet
@@ -61,7 +63,6 @@ class ServiceProtocol(HttpToolsProtocol):
         self._watch("head")
 
     def data_received(self, data: bytes) -> None:
-        self._unset_keepalive_if_required()
         while True:
             try:
                 self.parser.feed_data(data)
@@ -76,8 +77,8 @@ class ServiceProtocol(HttpToolsProtocol):
                 return
             break
         stage = self._stage
-        if stage == "none" and self.timeout_keep_alive_task is None and self._is_idle():
-            stage = "head"  # line breaks between requests: nothing has begun, and nobody else watches
+        if stage == "none" and self._is_idle():
+            stage = "head" if self.cycle is None else "idle"  # line breaks between requests: nothing has begun
         if stage != self._watched and not self.transport.is_closing():
             self._watch(stage)
 
@@ -86,9 +87,10 @@ class ServiceProtocol(HttpToolsProtocol):
         self._all.body_gone(sum(self._bodies))
         self._bodies.clear()
         self._watch("none")
+        if self._timer is not None:
+            self._timer.cancel()
         self._stop_watching_writes()
         super().connection_lost(exc)
-        self._unset_keepalive_if_required()
 
     def pause_writing(self) -> None:
         super().pause_writing()
@@ -150,15 +152,16 @@ class ServiceProtocol(HttpToolsProtocol):
     def on_response_complete(self) -> None:
         if self._bodies:
             self._all.body_gone(self._bodies.popleft())
-        super().on_response_complete()
-        if self._is_idle():
-            self._all.idle(self)
-
-    def timeout_keep_alive_handler(self) -> None:
-        if unread_bytes(self.transport):
-            self.transport.abort()  # the last answer was never read to its end
+        self.server_state.total_requests += 1
+        if self.transport.is_closing():
+            return
+        self.flow.resume_reading()
+        if self.pipeline:
+            self._start_asgi_task(*self.pipeline.pop())
         else:
-            super().timeout_keep_alive_handler()
+            self._all.idle(self)
+            if self._stage == "none":
+                self._watch("idle")
 
     # -- what the bounds ask for
 
@@ -211,18 +214,39 @@ class ServiceProtocol(HttpToolsProtocol):
         return not self.pipeline and (self.cycle is None or self.cycle.response_complete)
 
     def _watch(self, stage: Stage) -> None:
-        """Give what is coming in now its time; this replaces an earlier limit."""
-        if self._deadline is not None:
-            self._deadline.cancel()
-            self._deadline = None
+        """Give what is waited for its time; this replaces an earlier limit. A timer is kept until it is due, and then
+        looks what is waited for by now: most waits are over long before, and timers are dear."""
         self._watched = stage
-        if stage != "none":
-            within_s = self._limits.head_within_s if stage == "head" else self._limits.body_within_s
-            self._deadline = self.loop.call_later(within_s, self._late)
+        if stage == "none":
+            return
+        limits = self._limits
+        within_s = {"head": limits.head_within_s, "body": limits.body_within_s, "idle": limits.keep_alive_s}[stage]
+        self._due = self.loop.time() + within_s
+        if self._timer is not None and self._timer.when() <= self._due:
+            return
+        self._remind()
+
+    def _remind(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self.loop.call_at(self._due, self._look)
+
+    def _look(self) -> None:
+        self._timer = None
+        if self._watched == "none" or self.transport.is_closing():
+            return
+        if self.loop.time() < self._due:
+            self._remind()
+        else:
+            self._late()
 
     def _late(self) -> None:
-        self._deadline = None
-        if self.flow.read_paused or (self._watched == "head" and not self._is_idle()):
+        if self._watched == "idle":
+            if unread_bytes(self.transport):
+                self.transport.abort()  # the last answer was never read to its end
+            else:
+                self.transport.close()
+        elif self.flow.read_paused or (self._watched == "head" and not self._is_idle()):
             self._watch(self._watched)  # it is us who are not reading, or not done with what came before
         elif self._watched == "body":
             self.refuse_request(ServiceError("the body did not come in time", code="slow_body", status=408))

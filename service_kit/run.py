@@ -177,7 +177,6 @@ def server_config(
         server_header=False,
         proxy_headers=False,
         timeout_graceful_shutdown=drain_s,
-        timeout_keep_alive=connections.limits.keep_alive_s,
     )
 
 

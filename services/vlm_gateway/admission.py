@@ -82,10 +82,14 @@ class Admission:
         await self.enter()
         return self
 
+    def entered(self) -> bool:
+        """Whether there was a place free and nobody in front; it is taken then."""
+        return not self._waiting and self._places.take()
+
     async def enter(self, deadline: float | None = None) -> None:
         """Take a place; `leave` gives it back. Raises TimeoutError where none was free until `deadline` (of the event
         loop's clock)."""
-        if not self._waiting and self._places.take():
+        if self.entered():
             return
         if deadline is None:
             await self._queue_up()

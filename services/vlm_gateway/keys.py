@@ -23,7 +23,7 @@ from services.vlm_gateway.shared_limits import SharedBucket, SharedPlaces
 from services.vlm_gateway.usage.budgets import BudgetConfig, OverBudget, Spender
 
 _PREFIX = "sk-lvln-"
-_RATES = b"x-ratelimit-limit-%s: %d\r\nx-ratelimit-remaining-%s: %d\r\nx-ratelimit-reset-%s: %.3fs\r\n"
+_RATE = "x-ratelimit-limit-{0}: {1}\r\nx-ratelimit-remaining-{0}: %d\r\nx-ratelimit-reset-{0}: %.3fs\r\n"
 
 
 class Unauthorised(ServiceError):
@@ -89,6 +89,8 @@ class Key:
         requests, tokens = (config.requests_per_minute, config.tokens_per_minute) if config else (None, None)
         self._requests = _bucket(worker, f"key {name} requests {requests}", requests, now) if requests else None
         self._tokens = _bucket(worker, f"key {name} tokens {tokens}", tokens, now) if tokens else None
+        self._requests_lines = _RATE.format("requests", requests).encode()
+        self._tokens_lines = _RATE.format("tokens", tokens).encode()
         places = config.concurrency if config else None
         self._places = SharedPlaces(worker, f"key {name} places", places) if worker is not None and places else None
 
@@ -128,8 +130,8 @@ class Key:
     def rates(self) -> bytes:
         """Header lines with what was left of this minute's requests and tokens when they were last counted, as OpenAI
         tells it; empty where nothing bounds them."""
-        lines = b"" if self._requests is None else _told(b"requests", self._requests)
-        return lines if self._tokens is None else lines + _told(b"tokens", self._tokens)
+        lines = b"" if self._requests is None else _told(self._requests_lines, self._requests)
+        return lines if self._tokens is None else lines + _told(self._tokens_lines, self._tokens)
 
     def may_ask(self, alias: str) -> bool:
         return self.models is None or alias in self.models
@@ -154,10 +156,9 @@ def _bucket(worker: Worker | None, name: str, per_minute: int, now: float) -> Bu
     return Bucket(per_minute, now) if worker is None else SharedBucket(worker, name, per_minute, now)
 
 
-def _told(unit: bytes, bucket: "Bucket | SharedBucket") -> bytes:
+def _told(lines: bytes, bucket: "Bucket | SharedBucket") -> bytes:
     """The header lines of one rate."""
-    left, reset_s = max(0, int(bucket.level)), bucket.wait_s(bucket.size)
-    return _RATES % (unit, bucket.size, unit, left, unit, reset_s)
+    return lines % (max(0.0, bucket.level), bucket.wait_s(bucket.size))
 
 
 def _spender(name: str, config: KeyConfig | None, team: BudgetConfig | None) -> Spender:

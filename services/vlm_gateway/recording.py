@@ -120,7 +120,7 @@ async def take_in(path: Path, cache: Cache) -> Contents:
     OSError."""
     contents = check(path)
     for entry in read(path):
-        await cache.put(entry.key, entry.value)
+        await cache.put({entry.key: entry.value})
     return contents
 
 

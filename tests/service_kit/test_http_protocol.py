@@ -340,7 +340,7 @@ def test_uvicorn_is_the_version_whose_private_classes_are_used() -> None:
             httptools_impl.HttpToolsProtocol,
             "connection_made connection_lost data_received pause_writing resume_writing on_message_begin on_url "
             "on_header on_headers_complete on_body on_message_complete on_response_complete shutdown "
-            "timeout_keep_alive_handler _unset_keepalive_if_required _start_asgi_task",
+            "_start_asgi_task",
         ),
         (flow_control.FlowControl, "drain pause_reading resume_reading pause_writing resume_writing"),
         (httptools_impl.RequestResponseCycle, "run_asgi send receive"),
@@ -353,11 +353,11 @@ def test_uvicorns_private_classes_have_what_is_used_of_them(owner: type, names: 
 def test_uvicorns_connections_carry_what_is_looked_at() -> None:
     used: dict[Callable[..., object], str] = {
         httptools_impl.HttpToolsProtocol.__init__: "parser loop flow transport pipeline cycle headers tasks "
-        "server_state timeout_keep_alive_task expect_100_continue",
+        "server_state expect_100_continue",
         httptools_impl.RequestResponseCycle.__init__: "disconnected keep_alive response_started response_complete "
         "message_event",
         flow_control.FlowControl.__init__: "read_paused write_paused",
-        ServerState.__init__: "default_headers",
+        ServerState.__init__: "default_headers total_requests",
     }
     for constructor, names in used.items():
         code = constructor.__code__

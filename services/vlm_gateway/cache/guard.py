@@ -8,7 +8,7 @@ background writer, and until they are through the value is read from memory.
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import islice
 from typing import Literal
 
@@ -21,6 +21,8 @@ Mode = Literal["on", "off", "replay"]
 PROBE_EVERY_S = 0.5
 MAX_PENDING = 512
 WRITTEN_TOGETHER = 64
+GATHER_S = 0.005
+"""Writes wait so long for others: together they cost the store and this process less."""
 MAX_VALUE_BYTES = 1024 * 1024
 
 Failed = Callable[[str, str], None]
@@ -108,21 +110,23 @@ class GuardedCache:
     async def _write(self) -> None:
         while True:
             await self._work.wait()
+            await asyncio.sleep(GATHER_S)
             self._work.clear()
             while self._pending:
-                batch = list(islice(self._pending.items(), WRITTEN_TOGETHER))
-                await asyncio.gather(*(self._write_one(key, value) for key, value in batch))
-                for key, value in batch:
+                batch = dict(islice(self._pending.items(), WRITTEN_TOGETHER))
+                await self._write_together(batch)
+                for key, value in batch.items():
                     if self._pending.get(key) is value:
                         del self._pending[key]
             self._idle.set()
 
-    async def _write_one(self, key: str, value: bytes) -> None:
+    async def _write_together(self, answers: Mapping[str, bytes]) -> None:
         if self._breaker.state != "closed":
-            self._failed("put", "dropped")
+            for _ in answers:
+                self._failed("put", "dropped")
             return
         try:
-            await self._cache.put(key, value)
+            await self._cache.put(answers)
         except CacheFull as error:
             self._failed("put", "full")
             log.debug("answer not kept: %s", error)

@@ -1,6 +1,6 @@
 """A cache of answers: bytes under a key for a bounded time. `tests/agreements/test_caches.py` is its contract."""
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from typing import NamedTuple, Protocol
 
 
@@ -29,8 +29,9 @@ class Cache(Protocol):
     async def get(self, key: str) -> bytes | None:
         """The value, or None where there is none or its time is over."""
 
-    async def put(self, key: str, value: bytes) -> None:
-        """Keep `value`; an older one is replaced. Raises CacheFull where there is no room."""
+    async def put(self, answers: Mapping[str, bytes]) -> None:
+        """Keep these values by their keys; older ones are replaced. Raises CacheFull where one had no
+        room."""
 
     def entries(self) -> AsyncIterator[Entry]:
         """All answers whose time is not over; of those that come and go meanwhile, some."""

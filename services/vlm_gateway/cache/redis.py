@@ -7,7 +7,7 @@ import asyncio
 import random
 import ssl
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from typing import NamedTuple, cast
 from urllib.parse import parse_qs, unquote, urlsplit
 
@@ -58,11 +58,23 @@ class RedisCache:
         value = await self._do(b"GET", PREFIX + key.encode())
         return value if isinstance(value, bytes) else None
 
-    async def put(self, key: str, value: bytes) -> None:
+    async def put(self, answers: Mapping[str, bytes]) -> None:
+        line = await self._open()
+        replies = [line.ask(command(*self._set(key, value)), self._timeout_s) for key, value in answers.items()]
+        refused: CacheDown | None = None
+        for reply in replies:
+            try:
+                await self._read(reply)
+            except CacheFull as error:
+                refused = error
+        if refused is not None:
+            raise refused
+
+    def _set(self, key: str, value: bytes) -> list[bytes]:
         words = [b"SET", PREFIX + key.encode(), value]
         if self._ttl_s > 0:
             words += [b"PX", str(max(1, int(self._ttl_s * 1000 * random.uniform(0.9, 1.0)))).encode()]
-        await self._do(*words)
+        return words
 
     async def entries(self) -> AsyncIterator[Entry]:
         """Walks with SCAN, inside a script, since its own reply is of a kind that nothing else here needs."""
@@ -91,10 +103,14 @@ class RedisCache:
             self._line = None
 
     async def _do(self, *words: bytes) -> Value:
+        line = await self._open()
+        return await self._read(line.ask(command(*words), self._timeout_s))
+
+    async def _open(self) -> "_Line":
         line = self._line
-        if line is None or line.closed:
-            line = await self._connected()
-        reply = line.ask(command(*words), self._timeout_s)
+        return await self._connected() if line is None or line.closed else line
+
+    async def _read(self, reply: "asyncio.Future[Value]") -> Value:
         try:
             value = await reply
         except ConnectionError as error:

@@ -4,7 +4,7 @@ import asyncio
 import random
 import sqlite3
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -59,8 +59,8 @@ class SqliteCache:
     async def get(self, key: str) -> bytes | None:
         return await self._do(lambda: self._get(key))
 
-    async def put(self, key: str, value: bytes) -> None:
-        await self._do(lambda: self._put(key, value))
+    async def put(self, answers: Mapping[str, bytes]) -> None:
+        await self._do(lambda: self._put(answers))
 
     async def entries(self) -> AsyncIterator[Entry]:
         after = ""
@@ -107,21 +107,24 @@ class SqliteCache:
         )
         return [Entry(key, bytes(value)) for key, value in rows]
 
-    def _put(self, key: str, value: bytes) -> None:
+    def _put(self, answers: Mapping[str, bytes]) -> None:
         now = self._clock()
-        if len(value) > self._max_bytes:
-            raise CacheFull(f"an answer of {len(value)} bytes is over the whole cache's {self._max_bytes}")
-        expires = now + self._ttl_s * random.uniform(0.9, 1.0) if self._ttl_s > 0 else None
+        largest = max(map(len, answers.values()), default=0)
         self._db.execute("BEGIN IMMEDIATE")
         try:
-            row = (key, value, len(value), now, expires)
-            self._db.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?, ?, ?)", row)
             self._write_touched()
-            self._make_room(now, len(value))
+            for key, value in answers.items():
+                if len(value) <= self._max_bytes:
+                    expires = now + self._ttl_s * random.uniform(0.9, 1.0) if self._ttl_s > 0 else None
+                    row = (key, value, len(value), now, expires)
+                    self._db.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?, ?, ?)", row)
+                    self._make_room(now, len(value))
             self._db.execute("COMMIT")
         except BaseException:
             self._db.execute("ROLLBACK")
             raise
+        if largest > self._max_bytes:
+            raise CacheFull(f"an answer of {largest} bytes is over the whole cache's {self._max_bytes}")
 
     def _make_room(self, now: float, added: int) -> None:
         self._puts += 1

@@ -165,7 +165,9 @@ class Models:
 
     async def _begin(self, target: Upstream, call: ChatCall) -> ModelCall:
         """A call to one target, its estimate reserved. Raises OverBudget."""
-        bill = await self._accounts.reserve(asking.get(), target.alias, call.estimate)
+        bill = self._accounts.bill(asking.get(), target.alias, call.estimate)
+        if bill.is_bounded:
+            await bill.reserve()
         span = self._tracer.model_call(call.trace, target.provider, target.model.config.model, target.alias)
         return ModelCall(target, bill, self._metrics, span, call.trace)
 

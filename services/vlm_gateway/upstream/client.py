@@ -161,7 +161,8 @@ class Upstream:
         self._prober.start()
         deadline = asyncio.get_running_loop().time() + self._timeout_s
         try:
-            await self.admission.enter(deadline)
+            if not self.admission.entered():
+                await self.admission.enter(deadline)
         except TimeoutError:
             raise late(self.alias, self._timeout_s) from None
         left = False

@@ -72,12 +72,12 @@ class EventSplitter:
             raise EventTooLarge
         return events
 
-    def rest(self) -> bytes:
-        """What is left at the end of the stream: an event without its empty line, or nothing."""
+    def last(self) -> list[bytes]:
+        """What is left at the end of the stream: an event without its empty line, or none."""
         rest = bytes(self._rest)
         self._rest.clear()
         self._searched = 0
-        return rest
+        return [rest] if rest else []
 
 
 class ChatReader:

@@ -104,7 +104,7 @@ class ChatStream:
             skimmed = self._skim(piece) if self._splitter.is_empty else 0
             if skimmed and skimmed == len(piece):
                 return
-            events = self._splitter.feed(piece[skimmed:]) if piece else [rest] if (rest := self._splitter.rest()) else []
+            events = self._splitter.feed(piece[skimmed:]) if piece else self._splitter.last()
         except BrokenReply as broken:
             self._broke(broken)
             return

@@ -52,6 +52,11 @@ class Bill:
         key.hold(estimate.prompt + estimate.completion)
         self._open = True
 
+    @property
+    def is_bounded(self) -> bool:
+        """Whether a budget bounds it."""
+        return bool(self._key.spender.budgets)
+
     async def reserve(self) -> None:
         """Room in the budgets of the key and its team. Raises OverBudget."""
         tokens = self.estimate.prompt + self.estimate.completion
@@ -103,7 +108,11 @@ class Accounts:
 
     async def reserve(self, key: Key, model: str, estimate: Spent) -> Bill:
         """Raises OverBudget."""
-        bill = Bill(self, key, model, estimate)
-        if key.spender.budgets:
+        bill = self.bill(key, model, estimate)
+        if bill.is_bounded:
             await bill.reserve()
         return bill
+
+    def bill(self, key: Key, model: str, estimate: Spent) -> Bill:
+        """One for which room is still to be reserved where it is bounded. Raises OverBudget."""
+        return Bill(self, key, model, estimate)

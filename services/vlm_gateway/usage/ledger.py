@@ -120,8 +120,10 @@ class Ledger:
             sums = self._unwritten.get((spender, model))
             if sums is None:
                 sums = self._unwritten[spender, model] = [0] * len(used)
-            for at, count in enumerate(used):
-                sums[at] += count
+            sums[0] += used.calls
+            sums[1] += used.prompt
+            sums[2] += used.completion
+            sums[3] += used.nano_usd
             for account in reservation.accounts:
                 self._rooms[account].unwritten = self._rooms[account].unwritten.plus(used.cost)
         if self._timer is None:

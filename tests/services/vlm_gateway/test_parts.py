@@ -1,7 +1,7 @@
 """The small parts that everything else leans on: breaker, admission, flights, keys, the guard of the cache."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 
 import pytest
 
@@ -211,13 +211,13 @@ class Shelf:
             raise CacheDown("down")
         return self.held.get(key)
 
-    async def put(self, key: str, value: bytes) -> None:
+    async def put(self, answers: Mapping[str, bytes]) -> None:
         await self.gate.wait()
         if self.down:
             raise CacheDown("down")
         if self.full:
             raise CacheFull("full")
-        self.held[key] = value
+        self.held |= answers
 
     async def entries(self) -> AsyncIterator[Entry]:
         for key, value in list(self.held.items()):

@@ -41,7 +41,7 @@ ANSWERS = {
 
 async def filled(cache: Cache) -> Cache:
     for key, value in ANSWERS.items():
-        await cache.put(key, value)
+        await cache.put({key: value})
     return cache
 
 
@@ -67,7 +67,7 @@ async def test_a_recording_goes_from_redis_to_a_file_and_into_redis(redis_server
     cache = RedisCache(redis_server.url, ttl_s=0, timeout_s=5.0)
     many = {hashlib.sha256(b"%d" % n).hexdigest(): b"answer %d" % n for n in range(600)}
     for key, value in many.items():
-        await cache.put(key, value)
+        await cache.put({key: value})
     await export(cache, tmp_path / "run.vlmrec")
     assert dict(read(tmp_path / "run.vlmrec")) == many
     redis_server.restart()
