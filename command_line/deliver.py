@@ -33,7 +33,7 @@ from mission.clients import Services
 from mission.customer import AnsweredBeforehand
 from orchestrator.delivery import BadDelivery, Order, Run
 from service_kit.addresses import FLIGHT_SERVICES, Addresses
-from service_kit.connections import Connections, Tokens
+from service_kit.connections import Connections
 from service_kit.settings import BadSetting, process_environment
 
 MAX_SCENE_BYTES = 4 * 1024 * 1024
@@ -54,6 +54,7 @@ def deliver(
     max_steps: mission_options.MaxSteps = 30,
     rig: mission_options.RigName = DEFAULT_RIG,
     image_size: mission_options.ImageSize = None,
+    sensors: mission_options.SensorsName = None,
     seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH)] = 0,
     out: Annotated[Path, typer.Option(help="Where the records go.")] = Path("runs"),
     services: Annotated[
@@ -80,6 +81,7 @@ def deliver(
             max_steps=max_steps,
             rig=rig,
             image_size=image_size,
+            sensors=sensors,
             seed=seed,
         )
         question = DeliveryQuestion(
@@ -92,7 +94,7 @@ def deliver(
         order = Order(question)
         answers = [CustomerAnswer(text=text).text.strip() for text in answer or ()]
         at = parse_addresses(services) if services else None
-        tokens = Connections.read(process_environment()).tokens
+        connections = Connections.read(process_environment())
     except ValidationError as error:
         stop(first_problem(error), WRONG_INPUT)
     except (BadDelivery, BadSetting, ValueError) as error:
@@ -100,7 +102,7 @@ def deliver(
     console = Console(stderr=as_json)
     try:
         run, result = asyncio.run(
-            interruptible(_deliver(order, answers, out, backend, at, tokens, console, live=not as_json))
+            interruptible(_deliver(order, answers, out, backend, at, connections, console, live=not as_json))
         )
     except CannotFly as error:
         stop(str(error), WRONG_INPUT)
@@ -127,7 +129,7 @@ async def _deliver(
     out: Path,
     backend: str,
     at: Addresses | None,
-    tokens: Tokens,
+    connections: Connections,
     console: Console,
     *,
     live: bool,
@@ -138,6 +140,8 @@ async def _deliver(
         terminal = live and console.is_terminal
         view: LiveView | PlainView = LiveView(console, order.request, backend) if terminal else PlainView(console)
         stack.enter_context(view)
+        # services of somebody else's may be started again; what this command started itself is not
+        patience_s = connections.service_patience_s if at is not None else 0.0
         if at is None:
             ports = free_ports(FLIGHT_SERVICES)
             view.note("starting the services")
@@ -145,7 +149,7 @@ async def _deliver(
             logs = out / "logs" / time.strftime("%Y%m%d-%H%M%S")
             own = Processes(ports, logs, environment=process_environment(), extra=extra)
             at = (await stack.enter_async_context(own)).addresses
-        clients = await stack.enter_async_context(Services(at, tokens))
+        clients = await stack.enter_async_context(Services(at, connections.tokens, patience_s))
         await check_flight(clients, backend)
         run = Run(order, out, listener=view.show)
         asked = TerminalCustomer(console, view) if terminal and sys.stdin.isatty() else None

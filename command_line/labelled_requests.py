@@ -13,7 +13,7 @@ from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from command_line.subtask import progress_of
-from contracts.base import Name
+from contracts.base import ModelName
 from evaluation.labelled_requests.ask import ask_parser
 from evaluation.labelled_requests.read import BadRequests, FiledRequest, read_requests
 from evaluation.labelled_requests.scores import AskedRequest, Group, RequestScores, misses, score
@@ -33,7 +33,7 @@ FEWEST_OF_TAG = 8
 
 def score_requests(
     files: Sequence[Path],
-    model: Name | None,
+    model: ModelName | None,
     at_a_time: int,
     environment: Mapping[str, str],
     gateway: Mapping[str, str],
@@ -81,7 +81,7 @@ def score_requests(
 
 async def _ask(
     requests: Sequence[FiledRequest],
-    model: Name | None,
+    model: ModelName | None,
     at_a_time: int,
     environment: Mapping[str, str],
     gateway: Mapping[str, str],

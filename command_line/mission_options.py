@@ -6,6 +6,7 @@ import typer
 
 from contracts.cameras import load_rig, rig_names
 from contracts.orchestrator import MissionSettings, SearchSettings, SightingSettings
+from contracts.sensor_profiles import load_sensors, sensor_names
 from contracts.sim import Flight
 from mission.policies import DEFAULT, OWN, completed
 
@@ -55,6 +56,14 @@ ImageSize = Annotated[
         min=64, max=1600, help="Longer side of every camera's pictures, pixels.", show_default="as the rig says"
     ),
 ]
+SensorsName = Annotated[
+    str | None,
+    typer.Option(
+        "--sensors",
+        help=f"What the drone senses with: {', '.join(sensor_names())}, or a file (docs/sim-to-real.md).",
+        show_default="as the scene says, else perfect",
+    ),
+]
 
 
 def mission_settings(
@@ -70,9 +79,10 @@ def mission_settings(
     image_size: int | None,
     seed: int,
     ground_floor: int | None = None,
+    sensors: str | None = None,
 ) -> MissionSettings:
     """The settings with the search policy named and complete. Raises ValueError for a policy that there is not, one
-    that has no `choice`, or a rig that is none."""
+    that has no `choice`, a rig or a sensor profile that is none."""
     constants = {"choice": choice} if choice is not None else {}
     settings = MissionSettings(
         floors=floors,
@@ -84,6 +94,7 @@ def mission_settings(
         max_exploration_steps=max_steps,
         rig=load_rig(rig),
         image_size=image_size,
+        sensors=None if sensors is None else load_sensors(sensors),
         seed=seed,
     )
     return completed(settings)

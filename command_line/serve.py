@@ -1,7 +1,6 @@
 """`logisticsvln serve`: the services as processes of this machine."""
 
 import asyncio
-import contextlib
 import signal
 import time
 from pathlib import Path
@@ -13,8 +12,9 @@ from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from launcher.processes import MODULES, CannotStart, Processes, oracle_settings
+from launcher.supervisor import GaveUp, Supervisor
 from service_kit.addresses import PORTS
-from service_kit.settings import process_environment
+from service_kit.settings import DRAIN_S, process_environment
 
 
 def serve(
@@ -23,17 +23,18 @@ def serve(
     logs: Annotated[Path, typer.Option(help="Where the services' logs go.")] = Path("runs/logs"),
     oracle: Annotated[bool, typer.Option(help="Switch the simulator's truth on, for the oracle back end.")] = False,
 ) -> None:
-    """Run all services as processes of this machine, or one by name, until Ctrl-C."""
+    """Run all services as processes of this machine, or one by name, until Ctrl-C. A service that ends is started
+    again; one that ends again and again ends the command, which says which one it was."""
     if service is not None and service not in MODULES:
         stop(f"there is no service {service!r}; there are: {', '.join(MODULES)}", WRONG_INPUT)
     ports = {name: base_port + port - PORTS["orchestrator"] for name, port in PORTS.items()}
     chosen = ports if service is None else {service: ports[service]}
     extra = oracle_settings(ports) if oracle else {}
     folder = logs / time.strftime("%Y%m%d-%H%M%S")
-    group = Processes(chosen, folder, environment=process_environment(), extra=extra)
+    group = Processes(chosen, folder, environment=process_environment(), extra=extra, drain_s=DRAIN_S)
     try:
         asyncio.run(interruptible(_serve(group, chosen, folder)))
-    except CannotStart as error:
+    except (CannotStart, GaveUp) as error:
         stop(str(error), FAILED)
     except asyncio.CancelledError:
         stop("interrupted while starting", INTERRUPTED)
@@ -54,10 +55,17 @@ async def _serve(group: Processes, ports: dict[str, int], folder: Path) -> None:
             console.print(f"ready: the viewer is at http://127.0.0.1:{ports['orchestrator']}/", highlight=False)
         else:
             console.print("ready", highlight=False)
-        while not leaving.is_set():
-            with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(leaving.wait(), 0.5)
-            gone = group.ended()
-            if gone is not None and not leaving.is_set():
-                raise CannotStart(f"{gone.name} ended with code {gone.process.returncode}: {gone.tail()}")
-        console.print("stopping", highlight=False)
+        supervisor = Supervisor(group, lambda said: _tell(console, said))
+        kept, told = asyncio.create_task(supervisor.run()), asyncio.create_task(leaving.wait())
+        await asyncio.wait({kept, told}, return_when=asyncio.FIRST_COMPLETED)
+        told.cancel()
+        if kept.done():
+            kept.result()
+        kept.cancel()
+        console.print("stopping: answers under way may end; Ctrl-C again stops at once", highlight=False)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: group.kill())
+
+
+def _tell(console: Console, said: str) -> None:
+    console.print(f"{time.strftime('%H:%M:%S')} {said}", highlight=False, markup=False)

@@ -7,19 +7,15 @@ frame has x to the right and y down in pixels, continuous: the centre of pixel (
 """
 
 import math
-import tomllib
 from functools import cache
-from importlib import resources
-from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from contracts.base import Name, Wire
-from contracts.errors import what_is_wrong
+from contracts.toml_documents import Kind
 
 MAX_CAMERAS = 16
-MAX_RIG_BYTES = 64 * 1024
 MAX_VIEW_PIXELS = 1600 * 1600
 """Of one camera's picture, for the services to draw, read and measure it."""
 AHEAD_DEG = 1.0
@@ -35,6 +31,9 @@ DEFAULT_RIG = "paper-five"
 
 class BadRig(ValueError):
     """A rig that is none, or a name that no rig has; the message says what was wrong and what there is."""
+
+
+_RIGS = Kind("rigs", "rig", "rigs", BadRig)
 
 
 class MountingOffset(Wire):
@@ -168,15 +167,12 @@ def flyable(rig: Rig) -> Rig:
 
 def rig_names() -> tuple[str, ...]:
     """The rigs that ship with the project."""
-    folder = resources.files("contracts") / "rigs"
-    return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
+    return _RIGS.names()
 
 
 def shipped_rig(name: str) -> Rig:
     """The rig of that name. Raises BadRig."""
-    if name not in rig_names():
-        raise BadRig(f"there is no rig {name!r}; there are {', '.join(rig_names())}")
-    return parse_rig((resources.files("contracts") / "rigs" / f"{name}.toml").read_text(encoding="utf-8"), name)
+    return _RIGS.shipped(name, _rig)
 
 
 @cache
@@ -187,44 +183,21 @@ def default_rig() -> Rig:
 
 def load_rig(name_or_file: str) -> Rig:
     """A shipped rig by its name, or a rig from a TOML file. Raises BadRig."""
-    if name_or_file in rig_names():
-        return shipped_rig(name_or_file)
-    path = Path(name_or_file)
-    try:
-        if not path.is_file():
-            raise BadRig(f"{name_or_file!r} is neither a file nor one of the shipped rigs: {', '.join(rig_names())}")
-        if path.stat().st_size > MAX_RIG_BYTES:
-            raise BadRig(f"{path} is larger than {MAX_RIG_BYTES} bytes: that is no rig")
-        return parse_rig(path.read_text(encoding="utf-8"), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadRig(f"{path} can't be read: {_why(error)}") from None
+    return _RIGS.load(name_or_file, _rig)
 
 
 def parse_rig(text: str, source: str) -> Rig:
     """A rig from TOML: `name` and `[[cameras]]`, each with `horizontal_fov_deg` or with focal lengths and principal
     point in pixels. `source` is named in errors. Raises BadRig."""
-    try:
-        document = tomllib.loads(text)
-        entries = document.pop("cameras", [])
-        if not isinstance(entries, list):
-            raise ValueError("cameras must be tables, each headed [[cameras]]")
-        return Rig.model_validate({**document, "cameras": [_camera(entry) for entry in entries]})
-    except tomllib.TOMLDecodeError as error:
-        raise BadRig(f"{source} is not TOML: {error}") from None
-    except RecursionError:
-        raise BadRig(f"{source} is not a rig: it is nested too deeply") from None
-    except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise BadRig(f"{source} is not a rig: {where}{': ' if where else ''}{what_is_wrong(first)}") from None
-    except ValueError as error:
-        raise BadRig(f"{source} is not a rig: {error}") from None
+    return _RIGS.parse(text, source, _rig)
 
 
-def _why(error: OSError | UnicodeDecodeError) -> str:
-    if isinstance(error, UnicodeDecodeError):
-        return "it is not a text in UTF-8"
-    return error.strerror or type(error).__name__
+def _rig(document: dict[str, Any]) -> Rig:
+    """Raises ValueError."""
+    entries = document.pop("cameras", [])
+    if not isinstance(entries, list):
+        raise ValueError("cameras must be tables, each headed [[cameras]]")
+    return Rig.model_validate({**document, "cameras": [_camera(entry) for entry in entries]})
 
 
 def _camera(entry: object) -> object:

@@ -118,10 +118,12 @@ class SafeDistanceSettings(Wire):
 
 class SafeDistancesQuestion(Wire):
     """`view` must be level; `others`: further views of the same moment; the corridors of the outer points leave the
-    picture of `view`, and only other cameras see what stands there, overhead or underneath."""
+    picture of `view`, and only other cameras see what stands there, overhead or underneath. With the drone's `height_m`
+    above ground, the ground is no obstacle of a corridor above it."""
 
     view: ViewDepth
     others: tuple[ViewDepth, ...] = Field(default=(), max_length=MAX_CAMERAS)
+    height_m: Metres | None = None
     settings: SafeDistanceSettings = SafeDistanceSettings()
 
 

@@ -6,6 +6,9 @@ from pydantic_core import ErrorDetails
 
 from contracts.base import Wire
 
+STOPPING = "stopping"
+"""The code of a 503 that a service answers when it ends before its answer is there: ask again."""
+
 
 class ErrorDetail(Wire):
     """`code` is for programs, `message` for people (what was wrong, what would have been right)."""

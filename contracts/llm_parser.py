@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from contracts.base import Name, Unit, Wire
+from contracts.base import ModelName, Unit, Wire
 
 Side = Literal["left", "right", "above", "below"]
 Reason = Literal["not_said", "open", "unsure", "relation_only", "other_language", "too_long"]
@@ -26,7 +26,7 @@ class ParseQuestion(Wire):
     set up. `exchanges`: what was asked and answered since the request was written."""
 
     request: str = Field(min_length=1, max_length=4000)
-    model: Name | None = None
+    model: ModelName | None = None
     ground_floor: Literal[0, 1] | None = None
     exchanges: tuple[Exchange, ...] = Field(default=(), max_length=8)
 

@@ -4,11 +4,12 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValue, model_validator
 
-from contracts.base import Metres, Name, Unit, Wire
+from contracts.base import Metres, ModelName, Name, Unit, Wire
 from contracts.cameras import Rig, default_rig, flyable, shipped_rig
 from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Pose
 from contracts.scene import Scene
+from contracts.sensor_profiles import SensorFault, Sensors, sensors_by_name
 from contracts.sim import Flight, Verdict
 
 OutcomeName = Literal[
@@ -77,8 +78,9 @@ def _rig_by_name(given: object) -> object:
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role.
     `rig`: the cameras of a simulated drone, as a document or by a shipped rig's name; `image_size`: the longer side of
-    every camera's pictures in pixels, null as the rig says. `ground_floor`: how a plain "first floor" counts, as in
-    `ParseQuestion`; null as the parser is set up."""
+    every camera's pictures in pixels, null as the rig says. `sensors`: what a simulated drone senses with, as a
+    document or by a shipped profile's name, null as the scene says; `faults`: of its sensors, for tests.
+    `ground_floor`: how a plain "first floor" counts, as in `ParseQuestion`; null as the parser is set up."""
 
     floors: Literal["stepwise", "direct-count"] = "stepwise"
     band_reading: Literal["upper_edge", "camera_height"] = "upper_edge"
@@ -86,8 +88,8 @@ class MissionSettings(Wire):
     approach: ApproachSettings = ApproachSettings()
     sightings: SightingSettings = SightingSettings()
     flight: Flight = Flight()
-    parser_model: Name | None = None
-    vision_model: Name | None = None
+    parser_model: ModelName | None = None
+    vision_model: ModelName | None = None
     ground_floor: Literal[0, 1] | None = None
     max_exploration_steps: int = Field(default=30, ge=1, le=200)
     max_bands: int = Field(default=12, ge=1, le=50)
@@ -96,6 +98,8 @@ class MissionSettings(Wire):
     max_model_failures: int = Field(default=3, ge=0, le=20)
     rig: Annotated[Rig, BeforeValidator(_rig_by_name)] = Field(default_factory=default_rig)
     image_size: int | None = Field(default=None, ge=64, le=1600)
+    sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
+    faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
 
     @property
@@ -133,7 +137,7 @@ class DeliveryQuestion(Wire):
     request: str | None = Field(default=None, min_length=1, max_length=4000)
     scene: Scene | None = None
     sample: Name | None = None
-    backend: Name | None = None
+    backend: ModelName | None = None
     answer_within_s: float | None = Field(default=None, ge=0.0, le=86_400.0)
     priority: int = Field(default=0, ge=0, le=MAX_PRIORITY)
     not_before: AwareDatetime | None = None
@@ -186,8 +190,8 @@ class Stop(Wire):
 
 class DeliveryResult(Wire):
     """How a delivery ended. `steps` counts every stop with a model query, `stops` says where they were; `timings_s` is
-    wall time by part. `rig`: the cameras of a simulated drone. `inspected_share`: of the facade on that floor, where
-    the search policy tells."""
+    wall time by part. `rig` and `sensors`: the cameras of a simulated drone, and its sensor profile with its version.
+    `inspected_share`: of the facade on that floor, where the search policy tells."""
 
     outcome: OutcomeName
     message: str
@@ -205,6 +209,7 @@ class DeliveryResult(Wire):
     model_calls: dict[str, ModelCalls]
     renderer: str | None
     rig: Name | None = None
+    sensors: Name | None = None
     stops: tuple[Stop, ...] = ()
     search_policy: Name | None = None
     inspected_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = None

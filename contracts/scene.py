@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from contracts.base import Name, Radians, Wire
 from contracts.footprint import footprint_problem
 from contracts.geometry import Point2, Point3
+from contracts.sensor_profiles import sensor_names
 
 BuildingKind = Literal["low_rise", "high_rise", "villa", "cultural"]
 Rgb = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
@@ -168,7 +169,8 @@ class Start(Wire):
 
 class Scene(Wire):
     """`target` names the building that is delivered to. `goal` names the object that marks the customer's window:
-    it serves judging only and no part of a mission ever reads it."""
+    it serves judging only and no part of a mission ever reads it. `sensors` names the shipped profile that the drone
+    senses with, where nobody chooses another; null: perfect ones."""
 
     version: Literal[1] = 1
     name: Name
@@ -180,6 +182,7 @@ class Scene(Wire):
     ground: Ground = Ground()
     light: Light = Light()
     start: Start
+    sensors: Name | None = Field(default=None, exclude_if=lambda name: name is None)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -189,6 +192,8 @@ class Scene(Wire):
             raise ValueError("ids of buildings and of objects must be unique")
         if self.target not in ids:
             raise ValueError(f"target {self.target!r} is not a building of the scene; there are {ids}")
+        if self.sensors is not None and self.sensors not in sensor_names():
+            raise ValueError(f"there is no sensor profile {self.sensors!r}; there are {', '.join(sensor_names())}")
         if self.goal is not None and self.goal not in names:
             raise ValueError(f"goal {self.goal!r} is not an object of the scene")
         for o in self.objects:

@@ -13,14 +13,15 @@ Whoever flies an episode holds it by a lease: every call on it renews the lease,
 a model thinks, `renew` does. An episode whose lease has run out is ended.
 """
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from contracts.base import Name, Wire
 from contracts.cameras import MAX_CAMERAS, Camera, Rig, default_rig
 from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Scene
+from contracts.sensor_profiles import DEFAULT_SENSORS, SensorFault, Sensors, sensors_by_name, shipped_sensors
 from contracts.vehicle import VehicleState
 
 Renderer = Literal["moderngl", "tiny"]
@@ -46,22 +47,33 @@ class Flight(Wire):
 
 
 class EpisodeQuestion(Wire):
-    """A drone with these cameras at the start of a scene. `key`: the caller's own name for it; the same key and
-    question again is the same episode, so that asking twice begins nothing twice. `owner`: for whom it is begun; a
-    simulator may bound how many episodes one has. Whoever knows key or owner can end it: choose names that nobody
-    guesses. `lease_s`: seconds without a call until it is ended; the simulator's usual ones without it."""
+    """A drone with these cameras and sensors at the start of a scene. `sensors`: a profile, or a shipped one's name;
+    null: as the scene says. `seed`: of their chance, beside the scene's own. `faults`: for tests. `key`: the caller's
+    own name for it; the same key and question again is the same episode, so that asking twice begins nothing twice.
+    `owner`: for whom it is begun; a simulator may bound how many episodes one has. Whoever knows key or owner can end
+    it: choose names that nobody guesses. `lease_s`: seconds without a call until it is ended; the simulator's usual
+    ones without it."""
 
     scene: Scene
     flight: Flight = Flight()
     rig: Rig = Field(default_factory=default_rig)
+    sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
+    seed: int = Field(default=0, ge=0, le=2**31 - 1)
+    faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
     key: Name | None = None
     owner: Name | None = None
     lease_s: float | None = Field(default=None, ge=1.0, le=MAX_LEASE_S)
 
+    @property
+    def sensors_flown(self) -> Sensors:
+        """The profile chosen here, else the scene's, else the perfect one."""
+        return self.sensors or shipped_sensors(self.scene.sensors or DEFAULT_SENSORS)
+
 
 class Episode(Wire):
     """What a trial adds to its vehicle. `id` is the vehicle's name; `status`: `flying` until a claim ends it
-    (`claimed`); without a call it is ended after `expires_in_s`, of a lease of `lease_s`."""
+    (`claimed`); `sensors` names profile and version; without a call it is ended after `expires_in_s`, of a lease of
+    `lease_s`."""
 
     id: Name
     status: Literal["flying", "claimed"]
@@ -70,6 +82,7 @@ class Episode(Wire):
     renderer_detail: str
     flight: Flight
     rig: Name
+    sensors: Name
     lease_s: float
     expires_in_s: float
     vehicle: VehicleState

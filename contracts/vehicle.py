@@ -30,6 +30,7 @@ from contracts.images import DepthMap, JpegImage
 
 FlightMode = Literal["landed", "taking_off", "holding", "moving", "returning", "landing", "manual", "lost"]
 MAX_PATH_POINTS = 64
+ClockSeconds = Annotated[float, Field(ge=0.0, le=1e10)]
 
 
 class PoseUncertainty(Wire):
@@ -68,7 +69,8 @@ class VehicleCapabilities(Wire):
 
 class VehicleState(Wire):
     """As the vehicle measures itself. `moves`: the number of the last move begun, 0 before the first. `collided` never
-    goes back to false. Paths and times add up over all moves."""
+    goes back to false. Paths and times add up over all moves. `time_s`: what the vehicle's clock shows, seconds; null
+    where it has none."""
 
     id: Name
     mode: FlightMode
@@ -81,6 +83,7 @@ class VehicleState(Wire):
     path_horizontal_m: Metres
     flight_s: float = Field(ge=0.0)
     collided: bool
+    time_s: ClockSeconds | None = None
 
 
 class TakeOff(Wire):
@@ -130,12 +133,14 @@ class SensedView(Wire):
 
 
 class Observation(Wire):
-    """Views of one moment and the pose measured then. `number` counts observations; `timings_s` is wall time by part
-    (a simulator: `render`, `encode`)."""
+    """Views of one moment and the pose measured then. `number` counts observations; `time_s` is the vehicle's clock
+    when the views were taken (`VehicleState.time_s`), null where it has none: cameras that froze give the same views
+    with the same time. `timings_s` is wall time by part (a simulator: `render`, `encode`)."""
 
     vehicle: Name
     number: int
     pose: Pose
+    time_s: ClockSeconds | None = None
     uncertainty: PoseUncertainty = PoseUncertainty()
     views: tuple[SensedView, ...] = Field(min_length=1)
     timings_s: dict[str, float] = {}

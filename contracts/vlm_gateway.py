@@ -10,7 +10,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from contracts.base import Metres, Name, Unit, Wire
+from contracts.base import Metres, ModelName, Name, Unit, Wire
 from contracts.cameras import MAX_CAMERAS, Camera
 from contracts.geometry import Box, PointLabel
 from contracts.images import JpegImage
@@ -31,7 +31,7 @@ ORACLE_VEHICLE_HEADER = "x-oracle-vehicle"
 class Question(Wire):
     """`model` names an alias of the gateway's configuration; without it the role's default answers."""
 
-    model: Name | None = None
+    model: ModelName | None = None
 
 
 class PreflightQuestion(Wire):
@@ -39,7 +39,7 @@ class PreflightQuestion(Wire):
     noun phrase; null asks about the model alone. The model is not run. An unknown model is the error `unknown_model`,
     whose details name the models there are."""
 
-    model: Name | None = None
+    model: ModelName | None = None
     object: str | None = Field(default=None, min_length=1, max_length=200)
 
 

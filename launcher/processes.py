@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -19,7 +19,11 @@ from service_kit.client import ServiceClient
 
 HOST = "127.0.0.1"
 READY_DEADLINE_S = 90.0
-STOP_DEADLINE_S = 8.0
+QUICK_DRAIN_S = 3
+"""What services that one command started for itself may take for answers under way, where the environment does not say:
+the command has its own already, or was interrupted."""
+END_WITHIN_S = 5.0
+"""Beyond the time for answers under way."""
 MODULES = {name: "orchestrator" if name == "orchestrator" else f"services.{name}" for name in PORTS}
 
 
@@ -58,11 +62,13 @@ class Processes:
         *,
         environment: Mapping[str, str],
         extra: Mapping[str, Mapping[str, str]] | None = None,
+        drain_s: int = QUICK_DRAIN_S,
     ) -> None:
-        """`ports` names the services to start; `extra` adds settings to single ones."""
+        """`ports` names the services to start; `extra` adds settings to single ones. `drain_s`: what answers under way
+        may take when all are stopped, unless the environment says (`DRAIN_TIMEOUT_S`)."""
         self._ports = dict(ports)
         self._logs = logs
-        self._environment = dict(environment)
+        self._environment = {"DRAIN_TIMEOUT_S": str(drain_s)} | {k: v for k, v in environment.items() if v}
         self._extra = {name: dict(more) for name, more in (extra or {}).items()}
         self.children: list[Child] = []
 
@@ -88,25 +94,47 @@ class Processes:
 
     async def ready(self) -> None:
         """Returns when all are ready. Raises CannotStart when one ends or takes too long."""
-        await asyncio.gather(*(self._ready(child) for child in self.children))
+        await asyncio.gather(*(self.ready_child(child) for child in self.children))
 
-    def ended(self) -> Child | None:
-        """A child that is not running any more; null while all run."""
-        return next((child for child in self.children if child.process.poll() is not None), None)
+    def start_again(self, child: Child) -> Child:
+        """Another process in the place of one that has ended. Raises CannotStart."""
+        child.file.close()
+        try:
+            fresh = self._spawn(child.name, child.port)
+        except OSError as error:
+            raise CannotStart(f"{child.name} can't be started again: {error.strerror}") from None
+        self.children[self.children.index(child)] = fresh
+        return fresh
 
     def stop(self) -> None:
-        """SIGTERM to all, SIGKILL to those still running after `STOP_DEADLINE_S`."""
-        for child in self.children:
+        """SIGTERM, first to the orchestrator, that its deliveries still have the others, then to these; SIGKILL to what
+        runs on after its time for answers under way."""
+        self._stop([child for child in self.children if child.name == "orchestrator"])
+        self._stop([child for child in self.children if child.name != "orchestrator"])
+
+    def _stop(self, children: Sequence[Child]) -> None:
+        for child in children:
             if child.process.poll() is None:
                 child.process.send_signal(signal.SIGTERM)
-        give_up = time.monotonic() + STOP_DEADLINE_S
-        for child in self.children:
+        drain_s = self._environment["DRAIN_TIMEOUT_S"]
+        give_up = time.monotonic() + (float(drain_s) if drain_s.isdecimal() else 0.0) + END_WITHIN_S
+        for child in children:
             try:
                 child.process.wait(max(0.05, give_up - time.monotonic()))
             except subprocess.TimeoutExpired:
                 child.process.kill()
                 child.process.wait()
             child.file.close()
+
+    def ended(self) -> Child | None:
+        """A child that is not running any more; null while all run."""
+        return next((child for child in self.children if child.process.poll() is not None), None)
+
+    def kill(self) -> None:
+        """Ends all at once; `stop`, which may be waiting for them, finds them gone."""
+        for child in self.children:
+            if child.process.poll() is None:
+                child.process.kill()
 
     async def __aenter__(self) -> Self:
         try:
@@ -148,7 +176,8 @@ class Processes:
         )
         return Child(name, port, process, log, file)
 
-    async def _ready(self, child: Child) -> None:
+    async def ready_child(self, child: Child) -> None:
+        """`ready` for one of them."""
         give_up = time.monotonic() + READY_DEADLINE_S
         async with ServiceClient(child.name, child.url) as client:
             problem: str | None = "not asked yet"

@@ -121,17 +121,16 @@ class Simulated(NamedTuple):
 class Services:
     """The HTTP clients of all four services. Use as an async context manager."""
 
-    def __init__(self, at: Addresses, tokens: Tokens = NO_TOKENS) -> None:
-        self.llm_parser = ServiceClient(
-            "llm_parser", at.llm_parser, timeout_s=MODEL_DEADLINE_S, token=tokens.llm_parser
-        )
-        self.vlm_gateway = ServiceClient(
-            "vlm_gateway", at.vlm_gateway, timeout_s=MODEL_DEADLINE_S, token=tokens.vlm_gateway
-        )
-        self.depth_assist = ServiceClient(
-            "depth_assist", at.depth_assist, timeout_s=DEPTH_DEADLINE_S, token=tokens.depth_assist
-        )
-        self.sim = ServiceClient("sim", at.sim, timeout_s=WORLD_DEADLINE_S, token=tokens.sim)
+    def __init__(self, at: Addresses, tokens: Tokens = NO_TOKENS, patience_s: float = 0.0) -> None:
+        """`patience_s`: how long a service may be away before a call to it fails."""
+
+        def client(service: str, url: str, timeout_s: float, token: str | None) -> ServiceClient:
+            return ServiceClient(service, url, timeout_s=timeout_s, token=token, patience_s=patience_s)
+
+        self.llm_parser = client("llm_parser", at.llm_parser, MODEL_DEADLINE_S, tokens.llm_parser)
+        self.vlm_gateway = client("vlm_gateway", at.vlm_gateway, MODEL_DEADLINE_S, tokens.vlm_gateway)
+        self.depth_assist = client("depth_assist", at.depth_assist, DEPTH_DEADLINE_S, tokens.depth_assist)
+        self.sim = client("sim", at.sim, WORLD_DEADLINE_S, tokens.sim)
 
     @property
     def all(self) -> tuple[ServiceClient, ...]:

@@ -16,8 +16,12 @@ from contracts.geometry import Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.vehicle import Observation, SensedView
 from mission.ports import ServiceRefused
+from navigation import sensing
 from navigation.camera import Camera, DepthView, fewest
+from navigation.sensing import read_views
 
+FAR_M = 40.0
+"""A reach beyond this makes no difference to anything."""
 _TURN_STEP_DEG = 15
 
 
@@ -28,16 +32,18 @@ class Sight:
 
     pose: Pose
     view: SensedView
+    shown_m: float = 0.0
+    """The reach that earlier looks have shown, metres."""
 
     @cached_property
     def camera(self) -> Camera:
         """The camera as the mathematics takes it."""
         return navigation_camera(self.view.camera)
 
-    @property
+    @cached_property
     def seen(self) -> DepthView:
-        """The depth with its camera, as the mathematics takes it."""
-        return DepthView(self.camera, self.depth_m)
+        """The depth with its camera, as the mathematics takes it: read by the rule of `navigation.sensing`."""
+        return read_views((DepthView(self.camera, self.depth_m),), shown_m=self.shown_m)[0]
 
     @property
     def eye_z(self) -> float:
@@ -120,9 +126,10 @@ class Look:
         return {sight.name: sight.jpeg for sight in self.sights.values()}
 
 
-def look_of(observation: Observation, wanted: Sequence[str]) -> Look:
-    """Raises ServiceRefused where a camera's view is missing or a picture is not what it says it is."""
-    sights = {view.camera.name: Sight(observation.pose, view) for view in observation.views}
+def look_of(observation: Observation, wanted: Sequence[str], shown_m: float = 0.0) -> Look:
+    """`shown_m`: the reach that earlier looks have shown. Raises ServiceRefused where a camera's view is missing or a
+    picture is not what it says it is."""
+    sights = {view.camera.name: Sight(observation.pose, view, shown_m) for view in observation.views}
     missing = [name for name in wanted if name not in sights]
     if missing:
         raise ServiceRefused(f"the vehicle sent no view of {', '.join(missing)}", code="garbled", status=502)
@@ -133,6 +140,11 @@ def look_of(observation: Observation, wanted: Sequence[str]) -> Look:
     except BadImage as error:
         raise ServiceRefused(f"the vehicle sent a bad picture: {error}", code="garbled", status=502) from None
     return Look(observation, sights)
+
+
+def shown_reach_m(look: Look) -> float:
+    """How far the depth sensors show by this look that they reach; at most `FAR_M`."""
+    return min(FAR_M, sensing.shown_reach_m([DepthView(sight.camera, sight.depth_m) for sight in look.all]))
 
 
 def joined(seen: Sequence[Observation], wanted: Sequence[str]) -> Look:

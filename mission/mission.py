@@ -145,6 +145,7 @@ def result_of(state: MissionState, context: MissionContext) -> DeliveryResult:
         model_calls=state.calls,
         renderer=state.renderer,
         rig=context.placement.rig_name,
+        sensors=context.placement.sensors_name,
         stops=state.stops,
         search_policy=context.policy.name,
         inspected_share=memory.inspected_share,

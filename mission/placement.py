@@ -4,10 +4,10 @@ what a trial knows."""
 from dataclasses import dataclass
 from typing import Protocol
 
-from contracts.cameras import Rig
 from contracts.geometry import Point3
+from contracts.orchestrator import MissionSettings
 from contracts.scene import Scene
-from contracts.sim import Flight, Verdict
+from contracts.sim import EpisodeQuestion, Verdict
 from mission.vehicle import Trial, Vehicle
 
 
@@ -17,6 +17,11 @@ class Placement(Protocol):
     @property
     def rig_name(self) -> str | None:
         """Which cameras a simulated drone was given; null where a vehicle brings its own."""
+        ...
+
+    @property
+    def sensors_name(self) -> str | None:
+        """Which sensor profile, and which version of it, a simulated drone was given; null likewise."""
         ...
 
     async def begin(self, key: str) -> Vehicle:
@@ -36,21 +41,35 @@ class Placement(Protocol):
         ...
 
 
+def trial_question(scene: Scene, settings: MissionSettings) -> EpisodeQuestion:
+    """What a mission of these settings asks a simulator for."""
+    return EpisodeQuestion(
+        scene=scene,
+        flight=settings.flight,
+        rig=settings.rig_flown,
+        sensors=settings.sensors,
+        seed=settings.seed,
+        faults=settings.faults,
+    )
+
+
 @dataclass(frozen=True)
 class InTrial:
-    """The drone of a trial: scene, flight and rig go to the trial as they are."""
+    """The drone of a trial: the question goes to the trial as it is, with the mission's key."""
 
     trial: Trial
-    scene: Scene
-    flight: Flight
-    rig: Rig
+    question: EpisodeQuestion
 
     @property
     def rig_name(self) -> str | None:
-        return self.rig.name
+        return self.question.rig.name
+
+    @property
+    def sensors_name(self) -> str | None:
+        return self.question.sensors_flown.label
 
     async def begin(self, key: str) -> Vehicle:
-        return await self.trial.begin(key, self.scene, self.flight, self.rig)
+        return await self.trial.begin(self.question.model_copy(update={"key": key}))
 
     async def resume(self, vehicle: str) -> Vehicle:
         return await self.trial.resume(vehicle)
@@ -70,6 +89,10 @@ class OwnVehicle:
 
     @property
     def rig_name(self) -> str | None:
+        return None
+
+    @property
+    def sensors_name(self) -> str | None:
         return None
 
     async def begin(self, key: str) -> Vehicle:

@@ -9,7 +9,7 @@ from uuid import uuid4
 
 from pydantic import JsonValue
 
-from contracts.base import Name, Radians, Unit, Wire
+from contracts.base import Metres, Name, Radians, Unit, Wire
 from contracts.geometry import Box, Point3, Pose
 from contracts.llm_parser import Exchange
 from contracts.orchestrator import ModelCalls, Phase, Stop
@@ -58,9 +58,10 @@ class MissionState(Wire):
     `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
     flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
     flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
-    look that takes several stops. `silent_looks` counts useless answers in a row, `approaches` those begun and given
-    up. `counted_at`: the number of moves when a stop was counted last, for several questions at one place are one
-    stop. `events`: the number of the last event; `seconds`: wall time by part."""
+    look that takes several stops. `reach_m`: how far the depth sensors have shown that they reach. `silent_looks`
+    counts useless answers in a row, `approaches` those begun and given up. `counted_at`: the number of moves
+    when a stop was counted last, for several questions at one place are one stop. `events`: the number of the last
+    event; `seconds`: wall time by part."""
 
     version: Literal[1] = 1
     key: Name
@@ -81,6 +82,7 @@ class MissionState(Wire):
     building_box: Box | None = None
     memory: dict[str, JsonValue] = {}
     looking: LookUnderWay | None = None
+    reach_m: Metres = 0.0
     exploration_steps: int = 0
     silent_looks: int = 0
     approaches: int = 0

@@ -16,7 +16,7 @@ from contracts.orchestrator import MissionSettings, ModelCalls, OutcomeName, Pha
 from contracts.vehicle import Move, MoveResult, Observation, VehicleCapabilities, VehicleState
 from contracts.vlm_gateway import Answer, Role
 from mission.customer import Customer
-from mission.looks import Look, Sight, look_of, navigation_camera
+from mission.looks import FAR_M, Look, Sight, look_of, navigation_camera, shown_reach_m
 from mission.model_calls import Reply, ask
 from mission.placement import Placement
 from mission.places import point_of, spoken
@@ -182,7 +182,10 @@ class Step:
     async def look(self, cameras: Sequence[str] | None = None) -> Look:
         """One observation by these cameras, or by all. Raises PortError."""
         wanted = self.drone.cameras if cameras is None else tuple(cameras)
-        return look_of(await self.observe(wanted), wanted)
+        look = look_of(await self.observe(wanted), wanted, self.state.reach_m)
+        if self.state.reach_m < FAR_M:
+            self.update(reach_m=max(self.state.reach_m, shown_reach_m(look)))
+        return look
 
     async def look_ahead(self) -> Sight:
         """The view along the nose. Raises PortError."""

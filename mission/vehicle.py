@@ -7,10 +7,8 @@ them. Every method may raise `PortError`.
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from contracts.cameras import Rig
 from contracts.geometry import Point3
-from contracts.scene import Scene
-from contracts.sim import Flight, Verdict
+from contracts.sim import EpisodeQuestion, Verdict
 from contracts.vehicle import Move, MoveProgress, MoveResult, Observation, VehicleCapabilities, VehicleState
 
 Progress = Callable[[MoveProgress], None]
@@ -57,7 +55,7 @@ class Vehicle(Protocol):
 class Trial(Protocol):
     """A vehicle in a scene that a simulator knows, and its judge. Only a simulator has one."""
 
-    async def begin(self, key: str, scene: Scene, flight: Flight, rig: Rig) -> Vehicle:
+    async def begin(self, question: EpisodeQuestion) -> Vehicle:
         """The drone at the scene's start. The same `key` again is the same trial: nothing is begun twice."""
         ...
 

@@ -8,8 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from navigation import target as targets
-from navigation.camera import DepthView, Place, Pose, pixels_of
-from navigation.point_cloud import Points, cloud, nearest_of_blocks, to_enu
+from navigation.camera import DepthView, Place, Pose
+from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
+from navigation.sensing import FREE, looked_at
 from navigation.target import Box, Target
 
 _ANOTHER_SIDE_RAD = math.radians(20.0)
@@ -74,6 +75,7 @@ def plan_approach(
         return Approach("no_depth")
     views = (view, *others)
     points = np.concatenate([to_enu(cloud(v, nearest_of_blocks(v)), pose) for v in views])
+    points = points[points[:, 2] > GROUND_M]  # the ground is no obstacle of a way above it
     stop = stop_place(found, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)
@@ -206,13 +208,7 @@ def _looked_through(a: Place, b: Place, views: Sequence[DepthView], pose: Pose, 
     count = max(2, math.ceil(math.dist(a, b) / 0.5) + 1)
     places = np.linspace(np.array(a), np.array(b), count)
     gap = places - np.array([pose.x, pose.y, pose.z])
-    seen = np.linalg.norm(gap, axis=1) <= settings.unseen_m
-    for view in views:
-        width, height = view.camera.width, view.camera.height
-        x, y, forward = pixels_of(view.camera, pose, places)
-        inside = (forward > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
-        rows, columns = y[inside].astype(np.intp), x[inside].astype(np.intp)
-        seen[inside] |= view.depth_m[rows, columns] > forward[inside]
+    seen = (np.linalg.norm(gap, axis=1) <= settings.unseen_m) | (looked_at(places, views, pose) == FREE)
     return bool(seen.all())
 
 

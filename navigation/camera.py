@@ -93,10 +93,12 @@ class Place(NamedTuple):
 
 
 class DepthView(NamedTuple):
-    """One camera's depth."""
+    """One camera's depth. `reach_m`: up to this planar depth it is free where nothing returned; see
+    `navigation.sensing`."""
 
     camera: Camera
     depth_m: Depth
+    reach_m: float = math.inf
 
     @property
     def heading_deg(self) -> float:

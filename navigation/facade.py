@@ -50,8 +50,9 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
 
     The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
     recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's upper
-    edge, or nothing above it is farther off, its top being out of sight, or where most of the middle is invalid; the
-    height of the picture's lower edge on the facade where there is no wall in the picture at all.
+    edge, or nothing above it is known to be farther off, its top being out of sight or of the sensor's reach, or where
+    most of the middle is invalid; the height of the picture's lower edge on the facade where there is no wall in the
+    picture at all.
     """
     camera = view.camera
     strip = view.depth_m[:, _middle_columns(view, settings)]
@@ -71,7 +72,7 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
         return max(0.0, camera_height_m - stand_off * camera.down_slope)
     top = int(rows[0])
     # a balcony or cornice cut off by the picture's edge breaks the wall without ending it: above a top it is far
-    if not (profile[:top] > stand_off + settings.recess_m).any():
+    if not (np.minimum(profile[:top], view.reach_m) > stand_off + settings.recess_m).any():
         return None
     return max(0.0, camera_height_m + float(profile[top]) * (camera.cy_px - top) / camera.fy_px)
 

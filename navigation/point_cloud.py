@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from navigation.camera import Camera, DepthView, Pose, column_slopes, direction, row_slopes
 
+GROUND_M = 0.4
+"""Returns no higher than this are the ground, its unevenness and kerbs."""
+
 Points = NDArray[np.float32]
 """(N, 3) metres; each function names the frame."""
 
@@ -40,22 +43,33 @@ def cloud(view: DepthView, mask: NDArray[np.bool_] | None = None) -> Points:
     return points
 
 
-def nearby_cloud(views: Sequence[DepthView], depth_limit_m: float, half_height_m: float) -> Points:
+def nearby_cloud(
+    views: Sequence[DepthView], depth_limit_m: float, half_height_m: float, height_m: float | None = None
+) -> Points:
     """(N, 3) nose frame: the returns of all views up to a planar depth, and no more than so far above or below the
-    drone's centre. Cameras that look up or down help: they see what hangs over a corridor or stands under it."""
-    parts = [_nearby(view, depth_limit_m, half_height_m) for view in views]
+    drone's centre. Cameras that look up or down help: they see what hangs over a corridor or stands under it. With the
+    drone's `height_m` above ground, the ground is left out: it is no obstacle of a corridor above it."""
+    below_m = half_height_m if height_m is None else min(half_height_m, above_ground_m(height_m))
+    parts = [_nearby(view, depth_limit_m, half_height_m, below_m) for view in views]
     return np.concatenate(parts) if parts else np.zeros((0, 3), np.float32)
 
 
-def _nearby(view: DepthView, depth_limit_m: float, half_height_m: float) -> Points:
+def above_ground_m(height_m: float) -> float:
+    """How far below a drone at that height what is seen is something that stands on the ground, and not the ground."""
+    return max(0.0, height_m - GROUND_M)
+
+
+def _nearby(view: DepthView, depth_limit_m: float, above_m: float, below_m: float) -> Points:
     camera = view.camera
     if camera.pitch_deg or camera.up_m:
         points = cloud(view, view.depth_m <= np.float32(depth_limit_m))
-        near: Points = points[np.abs(points[:, 2]) <= np.float32(half_height_m)]
+        z = points[:, 2]
+        near: Points = points[(z <= np.float32(above_m)) & (z >= np.float32(-below_m))]
         return near
-    slopes = np.abs(row_slopes(camera))
+    slopes = row_slopes(camera)
+    room = np.where(slopes >= 0, np.float32(above_m), np.float32(below_m))
     with np.errstate(divide="ignore"):
-        limit = np.minimum(np.float32(half_height_m) / slopes, np.float32(depth_limit_m))
+        limit = np.minimum(room / np.abs(slopes), np.float32(depth_limit_m))
     return cloud(view, view.depth_m <= limit[:, None])
 
 

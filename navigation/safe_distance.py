@@ -6,10 +6,13 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from navigation.camera import DepthView, bearing_deg, planar_to_distance_m
+from navigation.camera import DepthView, Pose, bearing_deg, direction, planar_to_distance_m
 from navigation.point_cloud import Points, nearby_cloud
+from navigation.sensing import FREE, looked_at
 
 LABELS = ("a", "b", "c", "d", "e")
+_HERE = Pose(0.0, 0.0, 0.0, 0.0)
+_SEEN_STEP_M = 0.5
 Variant = Literal["corridor", "bare"]
 
 
@@ -49,12 +52,13 @@ class MarkedPoint(NamedTuple):
 
 
 def safe_distances(
-    view: DepthView, others: Sequence[DepthView], settings: SafeDistanceParameters
+    view: DepthView, others: Sequence[DepthView], settings: SafeDistanceParameters, height_m: float | None = None
 ) -> tuple[MarkedPoint, ...]:
     """Eq. 7 for the points at x = W k / 6 (k = 1..5, labelled a-e) on the horizon of `view`, which must be level.
 
     `others` are further views of the same moment, level or not; the corridor uses their returns where it leaves the
-    picture. A point without any valid pixel about it is unknown, and an unknown way is 0 m long.
+    picture. With the drone's `height_m`, the ground is no obstacle. A way is no longer than it was looked through:
+    where nobody knows what is there, it ends.
     """
     camera = view.camera
     if not camera.is_level:
@@ -62,7 +66,7 @@ def safe_distances(
     reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
     points, radius = None, 0.0
     if settings.variant == "corridor":
-        points = nearby_cloud((view, *others), reach, settings.drone_radius_m + settings.clearance_m)
+        points = nearby_cloud((view, *others), reach, settings.drone_radius_m + settings.clearance_m, height_m)
         radius = body_radius_m(points, settings)
         # one axis after the other in memory: five corridors run over each of them several times
         points = np.asfortranarray(points)
@@ -73,10 +77,10 @@ def safe_distances(
         bearing = camera.heading_deg + from_axis
         if points is None:
             found = _bare(view, x_px, from_axis, settings)
-        elif not _seen(view, x_px):
-            found = Corridor(0.0, None, radius)
         else:
             found = corridor(points, bearing, radius, settings.l_max_m)
+            seen_m = seen_along_m((view, *others), bearing, found.distance_m)
+            found = found._replace(distance_m=min(found.distance_m, seen_m))
         marked.append(MarkedPoint(label, k / 6.0, camera.cy_px / camera.height, bearing, found))
     return tuple(marked)
 
@@ -118,15 +122,23 @@ def _bare(view: DepthView, x_px: float, from_axis_deg: float, settings: SafeDist
     if math.isnan(depth):
         return Corridor(0.0, None, 0.0)
     if math.isinf(depth):
-        return Corridor(settings.l_max_m, None, 0.0)
+        return Corridor(
+            min(settings.l_max_m, planar_to_distance_m(min(view.reach_m, settings.l_max_m), from_axis_deg)), None, 0.0
+        )
     distance = planar_to_distance_m(depth, from_axis_deg)
     return Corridor(min(distance, settings.l_max_m), distance, 0.0)
 
 
-def _seen(view: DepthView, x_px: float) -> bool:
-    """Is any pixel valid in the patch (2.5 % of the picture each way) about a point on the horizon?"""
-    camera = view.camera
-    half_x, half_y = max(1, camera.width // 40), max(1, camera.height // 40)
-    column, row = int(x_px), int(camera.cy_px)
-    patch = view.depth_m[max(0, row - half_y) : row + half_y, max(0, column - half_x) : column + half_x]
-    return not bool(np.isnan(patch).all())
+def seen_along_m(views: Sequence[DepthView], bearing_right_deg: float, length_m: float) -> float:
+    """How far along a bearing from the drone the views look through, at most `length_m`."""
+    count = math.ceil(length_m / _SEEN_STEP_M)
+    if count < 1:
+        return length_m
+    away = np.minimum(np.arange(1, count + 1) * _SEEN_STEP_M, length_m)
+    east, north = direction(_HERE.yaw, bearing_right_deg)
+    places = np.stack((away * east, away * north, np.zeros(count)), axis=1)
+    free = looked_at(places, views, _HERE) == FREE
+    if free.all():
+        return length_m
+    first = int(free.argmin())
+    return float(away[first - 1]) if first else 0.0

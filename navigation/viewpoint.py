@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-INVALID = 0
-NO_RETURN = 65535
+from navigation.sensing import INVALID, NO_RETURN
+
 _ROWS_AT_ONCE = 128
 """Rows summed in one go: 128 x 65535 is a whole number that a 32-bit float holds exactly, and a block of 800 columns
 stays in the processor's second cache."""

@@ -12,7 +12,7 @@ from contracts.scene import Scene
 from mission.clients import Simulated
 from mission.customer import Customer
 from mission.mission import Mission
-from mission.placement import InTrial
+from mission.placement import InTrial, trial_question
 from mission.policies import BadSearch, completed
 from mission.record import Record, new_id, now, read_question, read_result, read_state
 from mission.state import MissionState, begin
@@ -70,7 +70,7 @@ class Order:
 
     def placed(self, trial: Trial) -> InTrial:
         """The scene as a trial of that simulator."""
-        return InTrial(trial, self.scene, self.settings.flight, self.settings.rig_flown)
+        return InTrial(trial, trial_question(self.scene, self.settings))
 
 
 class Run:

@@ -87,6 +87,10 @@ class WatchedPlacement:
     def rig_name(self) -> str | None:
         return self.placement.rig_name
 
+    @property
+    def sensors_name(self) -> str | None:
+        return self.placement.sensors_name
+
     async def begin(self, key: str) -> Vehicle:
         return WatchedVehicle(await self.contact.keeps(self.placement.begin(key)), self.contact)
 

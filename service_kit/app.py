@@ -14,6 +14,7 @@ from starlette.middleware.cors import CORSMiddleware
 from contracts.health import Health
 from service_kit.auth import BearerAuth, access_of
 from service_kit.errors import Unavailable, install_error_renderer
+from service_kit.leaving import Stopping
 from service_kit.limits import BodyLimit
 from service_kit.metrics import HttpMetrics, MetricsMiddleware
 from service_kit.requests import EXPOSED, Origins, RequestForms
@@ -61,6 +62,7 @@ def create_app(
             allow_headers=["*"],
             expose_headers=EXPOSED,
         )
+    app.add_middleware(Stopping)
     app.add_middleware(MetricsMiddleware, metrics=figures)
 
     @app.get("/healthz", tags=["health"])

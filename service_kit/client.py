@@ -7,19 +7,26 @@ CallError
   Garbled         the service answered something that is not its contract
 """
 
+import asyncio
 import json
+import logging
+import time
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
 import aiohttp
 from pydantic import BaseModel, ValidationError
 
-from contracts.errors import ErrorBody
+from contracts.errors import STOPPING, ErrorBody
 from contracts.health import Health
 from service_kit.connections import TOKEN_VARIABLES
 from service_kit.settings import without_password
 
+log = logging.getLogger(__name__)
+
 M = TypeVar("M", bound=BaseModel)
+FIRST_PAUSE_S = 0.1
+LONGEST_PAUSE_S = 2.0
 
 
 class CallError(Exception):
@@ -55,12 +62,19 @@ class Refused(CallError):
 
 
 class ServiceClient:
-    """One service at one address. Use as an async context manager, or `close` it."""
+    """One service at one address. Use as an async context manager, or `close` it.
 
-    def __init__(self, service: str, url: str, *, timeout_s: float = 30.0, token: str | None = None) -> None:
+    `patience_s`: a call that nobody takes, or whose connection breaks, is made again for so long, because the service
+    is being started again. Only for services whose calls do no harm when they are made twice: all of ours.
+    """
+
+    def __init__(
+        self, service: str, url: str, *, timeout_s: float = 30.0, token: str | None = None, patience_s: float = 0.0
+    ) -> None:
         self._service = service
         self._url = url.rstrip("/")
         self._timeout_s = timeout_s
+        self._patience_s = patience_s
         self._headers = {"Authorization": f"Bearer {token}"} if token else {}
         self._session: aiohttp.ClientSession | None = None
 
@@ -83,10 +97,15 @@ class ServiceClient:
         params: dict[str, str] | None = None,
         headers: dict[str, str] | None = None,
         timeout_s: float | None = None,
+        patience_s: float | None = None,
     ) -> M:
-        """One call. Raises Unreachable, Refused or Garbled; never another error of the network's."""
+        """One call; it may take `timeout_s` each time that it is made.
+
+        Raises Unreachable, Refused or Garbled; never another error of the network's."""
         body = None if question is None else question.model_dump_json().encode()
-        status, data = await self._exchange(method, path, body, params, timeout_s or self._timeout_s, headers)
+        within_s = timeout_s or self._timeout_s
+        patience_s = self._patience_s if patience_s is None else patience_s
+        status, data = await self._exchange(method, path, body, params, within_s, headers, patience_s=patience_s)
         if status >= 400:
             raise self._refused(status, data)
         try:
@@ -129,7 +148,7 @@ class ServiceClient:
     async def _health(self, timeout_s: float) -> Health | str:
         """What the service says of itself, or what is wrong."""
         try:
-            return await self.call("GET", "/readyz", Health, timeout_s=timeout_s)
+            return await self.call("GET", "/readyz", Health, timeout_s=timeout_s, patience_s=0.0)
         except Refused as error:
             return error.reason
         except CallError as error:
@@ -156,6 +175,32 @@ class ServiceClient:
         params: dict[str, str] | None,
         timeout_s: float,
         more_headers: dict[str, str] | None = None,
+        *,
+        patience_s: float = 0.0,
+    ) -> tuple[int, bytes]:
+        give_up = time.monotonic() + patience_s
+        pause_s = FIRST_PAUSE_S
+        while True:
+            try:
+                return await self._exchange_once(method, path, body, params, timeout_s, more_headers)
+            except TimedOut:
+                raise
+            except Unreachable as error:
+                if time.monotonic() + pause_s > give_up:
+                    raise
+                if pause_s == FIRST_PAUSE_S:
+                    log.warning("%s; asked again for up to %g s", error, patience_s)
+            await asyncio.sleep(pause_s)
+            pause_s = min(LONGEST_PAUSE_S, 2 * pause_s)
+
+    async def _exchange_once(
+        self,
+        method: str,
+        path: str,
+        body: bytes | None,
+        params: dict[str, str] | None,
+        timeout_s: float,
+        more_headers: dict[str, str] | None,
     ) -> tuple[int, bytes]:
         if self._session is None:
             self._session = aiohttp.ClientSession(headers=self._headers, trust_env=False)
@@ -165,11 +210,14 @@ class ServiceClient:
             async with self._session.request(
                 method, self._url + path, data=body, params=params, headers=headers, timeout=limit
             ) as response:
-                return response.status, await response.read()
+                status, data = response.status, await response.read()
         except TimeoutError:
             raise TimedOut(self._service, f"no answer from {self.url} within {timeout_s:g} s") from None
         except (aiohttp.ClientError, OSError) as error:
             raise Unreachable(self._service, f"can't reach {self.url} ({type(error).__name__})") from None
+        if status == 503 and self._refused(status, data).code == STOPPING:
+            raise Unreachable(self._service, f"{self.url} is stopping")
+        return status, data
 
     def _refused(self, status: int, data: bytes) -> Refused:
         try:

@@ -22,6 +22,10 @@ NEARLY_ALIKE = 0.85
 """From this similarity (0..1, `difflib`) on an unknown variable is taken for a misspelt one."""
 
 
+DRAIN_S = 25
+"""Less than the 30 s that containers' platforms give between SIGTERM and SIGKILL."""
+
+
 class BadSetting(Exception):
     """A setting that can't be used; the message names it and says what would have been right."""
 
@@ -129,7 +133,7 @@ class ServiceSettings(Settings):
         "warning", description="The least severe log lines that are written (JSON, to standard error)."
     )
     drain_timeout_s: int = Field(
-        5, ge=0, le=86_400, description="Seconds that requests under way have to end after SIGTERM."
+        DRAIN_S, ge=0, le=86_400, description="Seconds that requests under way have to end after SIGTERM."
     )
     max_connections: int = Field(
         0, ge=0, le=1_000_000, description="Connections of callers at a time; 0: as many as there are file descriptors."

@@ -4,7 +4,7 @@ from typing import Any, Self
 
 from pydantic import JsonValue, TypeAdapter
 
-from contracts.base import Name, Wire
+from contracts.base import ModelName, Wire
 from contracts.orchestrator import MissionSettings
 from mission.policies import DEFAULT, policy_type
 
@@ -19,7 +19,7 @@ class RunSettings(Wire):
     tasks: str
     checksum: str
     count: int
-    backend: Name
+    backend: ModelName
     mission: MissionSettings
     oracle: dict[str, float] = {}
     workers: int

@@ -18,9 +18,10 @@ from uuid import uuid4, uuid5
 
 from pydantic import Field
 
-from contracts.base import Name, Wire
+from contracts.base import ModelName, Wire
 from contracts.event_data import EventData
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
+from contracts.sim import EpisodeQuestion
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -28,7 +29,7 @@ from evaluation.task_set.task import Task
 from launcher.processes import CannotStart, Child, Processes, free_ports
 from mission.clients import Services
 from mission.mission import Mission
-from mission.placement import InTrial
+from mission.placement import InTrial, trial_question
 from mission.record import Log, Pictures, Record, now
 from mission.vehicle import Trial, Vehicle
 from service_kit.addresses import FLIGHT_SERVICES
@@ -52,7 +53,7 @@ class Job(Wire):
     folder: str
     logs: str
     mission: MissionSettings
-    backend: Name
+    backend: ModelName
     environment: dict[str, str] = {}
     sim: dict[str, str] = {}
     gateway: dict[str, str] = {}
@@ -238,15 +239,16 @@ class Worker:
         return uuid5(self._session, task.id).hex
 
     def _placement(self, trial: Trial, order: Order, next_trial: Trial) -> Prefetched:
-        flight = self._job.mission.flight
-        rig = self._job.mission.rig_flown
-
         def begin_next() -> None:
             if (task := order.upcoming) is not None:
-                self._opening = asyncio.create_task(next_trial.begin(self._key(task), task.scene, flight, rig))
+                question = self._question(task).model_copy(update={"key": self._key(task)})
+                self._opening = asyncio.create_task(next_trial.begin(question))
 
         opening, self._opening = self._opening, None
-        return Prefetched(trial, order.task.scene, flight, rig, opening, begin_next)
+        return Prefetched(trial, self._question(order.task), opening, begin_next)
+
+    def _question(self, task: Task) -> EpisodeQuestion:
+        return trial_question(task.scene, self._settings(task))
 
     def _settings(self, task: Task) -> MissionSettings:
         """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from contracts.base import Name
+from contracts.base import ModelName
 from contracts.llm_parser import ParseQuestion
 from contracts.orchestrator import ModelCalls
 from evaluation.bench.worker_pool import run_workers
@@ -17,7 +17,7 @@ async def ask_parser(
     parser: Parser,
     requests: Sequence[FiledRequest],
     *,
-    model: Name | None = None,
+    model: ModelName | None = None,
     at_a_time: int = 1,
     told: Callable[[int], None] = lambda _: None,
 ) -> list[AskedRequest]:
@@ -36,7 +36,7 @@ async def ask_parser(
     return [answered[number] for number in range(len(requests))]
 
 
-async def _asked(parser: Parser, filed: FiledRequest, model: Name | None) -> AskedRequest:
+async def _asked(parser: Parser, filed: FiledRequest, model: ModelName | None) -> AskedRequest:
     book, answer = CallBook(), None
     try:
         reply = await book.ask("parser", parser.parse(ParseQuestion(request=filed.request.text, model=model)))

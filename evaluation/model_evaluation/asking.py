@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import pybase64
 
-from contracts.base import Name, Unit, Wire
+from contracts.base import ModelName, Unit, Wire
 from contracts.cameras import default_rig
 from contracts.geometry import Box
 from contracts.images import JpegImage
@@ -71,7 +71,7 @@ class Answers(Wire):
 class Asker:
     """Asks one model. Raises mission.ports.PortError where the gateway itself fails, OSError."""
 
-    def __init__(self, vision: Vision, folder: Path, catalogue: Catalogue, model: Name | None) -> None:
+    def __init__(self, vision: Vision, folder: Path, catalogue: Catalogue, model: ModelName | None) -> None:
         self._vision = vision
         self._folder = folder
         self._catalogue = catalogue

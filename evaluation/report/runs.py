@@ -81,6 +81,8 @@ def label_of(settings: RunSettings) -> str:
         words.append("claims at first sight")
     if mission.rig != usual.rig:
         words.append(f"rig {mission.rig.name}")
+    if mission.sensors is not None:
+        words.append(f"sensors {mission.sensors.label}")
     if mission.band_reading != usual.band_reading:
         words.append("h_i as camera height")
     return ", ".join(words)

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal, NamedTuple
 
-from contracts.base import Name, Wire
+from contracts.base import ModelName, Wire
 from contracts.orchestrator import SightingSettings
 from evaluation.metrics.model_calls import RoleCalls
 from evaluation.metrics.proportion import share
@@ -27,7 +27,7 @@ class SubtaskScores(Wire):
     what counted as a claim, where things were looked for."""
 
     subtask: Subtask
-    backend: Name
+    backend: ModelName
     model: str | None
     tasks: int
     questions: int

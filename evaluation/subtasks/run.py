@@ -8,7 +8,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from contracts.base import Name, Wire
+from contracts.base import ModelName, Name, Wire
 from contracts.cameras import Camera
 from contracts.depth_assist import (
     DirectionPoint,
@@ -55,8 +55,8 @@ ROLES: dict[Subtask, Role] = {
 class Plan(NamedTuple):
     """Who is asked, and how often: `stops` places a task (two kinds of places for recognition, half each)."""
 
-    backend: Name
-    parser: Name | None = None
+    backend: ModelName
+    parser: ModelName | None = None
     stops: int = 4
     settings: MissionSettings = MissionSettings()
 

@@ -108,7 +108,10 @@ class PointsPolicy(SearchPolicy[S, PointsMemory], Generic[S]):
         sight = look.sights[view.camera]  # depth_assist answers with one of the views that it was sent
         safe = await tools.safe_distances(
             SafeDistancesQuestion(
-                view=sight.depth_view, others=look.depth_beside(sight), settings=self.settings.safe_distances
+                view=sight.depth_view,
+                others=look.depth_beside(sight),
+                height_m=max(0.0, look.pose.z),
+                settings=self.settings.safe_distances,
             )
         )
         marked = encode_jpeg(mark_points(sight.rgb, marks_of(self.offered(safe))))

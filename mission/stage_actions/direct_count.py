@@ -41,7 +41,12 @@ async def back_off(step: Step, stage: BackOff) -> RiseWithDistance:
     front = step.drone.front
     behind = await step.look(step.drone.within(45.0))
     sight = behind.sights[front]
-    question = SafeDistancesQuestion(view=sight.depth_view, others=behind.depth_beside(sight), settings=STEP_BACK)
+    question = SafeDistancesQuestion(
+        view=sight.depth_view,
+        others=behind.depth_beside(sight),
+        height_m=max(0.0, behind.pose.z),
+        settings=STEP_BACK,
+    )
     safe = await step.timed("safe_distances", step.ports.depth.safe_distances(question))
     free = next((p.distance_m for p in safe.points if p.label == "c"), 0.0)
     path = (ahead(step.pose, 0.0, free),) if free >= LEAST_STEP_BACK_M else ()

@@ -5,10 +5,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from weakref import ReferenceType, ref
 
-from contracts.cameras import Rig
 from contracts.geometry import Point3
-from contracts.scene import Scene
-from contracts.sim import Claim, Episode, EpisodeQuestion, Flight, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
 from mission.reached import reached
 from mission.vehicles.http_vehicle import HttpVehicle
 from service_kit.client import CallError, Refused, ServiceClient
@@ -27,13 +25,13 @@ class SimulatorTrial:
         self._on_board = on_board
         self._owner = owner
 
-    async def begin(self, key: str, scene: Scene, flight: Flight, rig: Rig) -> HttpVehicle:
-        question = EpisodeQuestion(scene=scene, flight=flight, rig=rig, key=key, owner=self._owner)
+    async def begin(self, question: EpisodeQuestion) -> HttpVehicle:
+        question = question.model_copy(update={"owner": self._owner})
         try:
             episode = await reached(self._client.call("POST", "/v1/episodes", Episode, question))
         except asyncio.CancelledError:
             with suppress(CallError):
-                await self._client.delete(f"/v1/episodes?key={key}")
+                await self._client.delete(f"/v1/episodes?key={question.key}")
             raise
         return self._boarded(episode)
 

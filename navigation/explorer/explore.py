@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from navigation.camera import DepthView, Pose, seen_aside_deg, wrap_radians
 from navigation.explorer import facade, frontier, path
 from navigation.explorer.facade import Seed
-from navigation.explorer.goal import Decision, Goal, choose_goal, next_stop
+from navigation.explorer.goal import Decision, Goal, Room, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama, thinned
@@ -26,8 +26,11 @@ _CUT_HALF_WIDTH_M = 1.25
 _ARRIVED_M = 1.5
 _EDGE_DEG = 5.0
 """What lies so near to the edge of what a look sees is not counted on."""
+_BLIND_SHARE = 0.05
+"""A panorama of which less is known shows nothing: the drone stays where it is."""
 _PATIENCE = 4
 _MOST_PLANS = 8
+_REACH_SHARE = 0.9
 _LEAST_PATCH_M = 1.0
 _WIDE_BERTH_COST = 6.0
 
@@ -52,11 +55,12 @@ class Memory(NamedTuple):
 
 class Now(NamedTuple):
     """What this step has: the scan, the target building's cells, the returns about the drone (nose frame), and how far
-    to either side of the nose a look sees, degrees."""
+    to either side of the nose a look sees, degrees. `views`: for the sight along a way."""
 
     scan: Scan
     target: Bools
     near: Points
+    views: Sequence[DepthView]
     aside_deg: float
 
 
@@ -83,6 +87,7 @@ def explore(
     Raises NoFacade where the first call has no wall in front of it.
     """
     views = [thinned(view) for view in views]
+    settings = _within_reach(settings, views)
     scan = panorama(views, pose, settings.band_m, settings.body_band_m)
     walls = facade.read_walls(scan, settings)
     if memory is None:
@@ -97,12 +102,20 @@ def explore(
     _count_attempts(grid, memory, pose)
     frontier.expect(grid, scan, walls, target, settings)
     memory = memory._replace(map=grid, steps=memory.steps + 1, cut=_cut_now(memory, pose))
-    reach = settings.l_max_m + settings.drone_radius_m + settings.clearance_m
-    near = nearby_cloud(views, reach, settings.drone_radius_m + settings.clearance_m)
-    decision, memory = _decide(
-        memory, Now(scan, target, near, seen_aside_deg([view.camera for view in views])), settings
-    )
+    if scan.known_share < _BLIND_SHARE:
+        stay = Decision("turn", "the cameras show nothing", (pose.x, pose.y), 0.0, 0.0, pose.yaw)
+        return Step(stay, memory._replace(stop=None), facade.inspected_share(grid, target), target)
+    body = settings.drone_radius_m + settings.clearance_m
+    near = nearby_cloud(views, settings.l_max_m + body, body, pose.z)
+    aside = seen_aside_deg([view.camera for view in views])
+    decision, memory = _decide(memory, Now(scan, target, near, views, aside), settings)
     return Step(decision, memory, facade.inspected_share(grid, target), target)
+
+
+def _within_reach(settings: ExplorerParameters, views: Sequence[DepthView]) -> ExplorerParameters:
+    """What the sensor does not reach can't be planned to be seen."""
+    reach_m = min((view.reach_m for view in views), default=math.inf)
+    return settings._replace(inspect_range_m=min(settings.inspect_range_m, _REACH_SHARE * reach_m))
 
 
 def _count_attempts(grid: Map, memory: Memory, pose: Pose) -> None:
@@ -125,17 +138,18 @@ def _cut_now(memory: Memory, pose: Pose) -> int:
 def _decide(memory: Memory, now: Now, settings: ExplorerParameters) -> tuple[Decision, Memory]:
     """The goal, and the stop on the way to it. Where nothing useful can be reached: first the cut is lifted, then
     given-up pieces are taken up again, then the search is done."""
-    pose, grid, target, near = now.scan.pose, memory.map, now.target, now.near
+    pose, grid, target = now.scan.pose, memory.map, now.target
+    room = Room(now.near, now.views)
     clear, walls = path.clearance_m(grid), _cut_cells(memory, settings)
     for _ in range(_MOST_PLANS):
         # when all that matters is seen, the little pieces get their look as well
         left = facade.unseen(grid, target, settings, _LEAST_PATCH_M if memory.relaxed else None)
         goal = choose_goal(grid, left, clear, walls, pose, settings) if left.any() else None
         if goal is not None:
-            decision = next_stop(grid, goal, clear, walls, pose, near, settings)
+            decision = next_stop(grid, goal, clear, walls, pose, room, settings)
             if decision is None:  # something sticks out close by: first away from it, then on
                 wide = choose_goal(grid, left, clear, walls, pose, settings, _WIDE_BERTH_COST)
-                decision = None if wide is None else next_stop(grid, wide, clear, walls, pose, near, settings)
+                decision = None if wide is None else next_stop(grid, wide, clear, walls, pose, room, settings)
             if decision is not None:
                 return _await(memory, decision, left, now, settings)
             if memory.stuck < _PATIENCE and (turn := _turn(memory, goal, left, now, settings)) is not None:

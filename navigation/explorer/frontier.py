@@ -32,6 +32,8 @@ LIKE = 0.8
 """Cosine from which two normals count as of one wall."""
 _FREE_END_M = 3.0
 _FEW = 3
+_AT_REACH = 0.9
+"""A wall that ends so near to the sensor's reach goes on beyond it."""
 _SAME_END_M = 1.5
 _OUTLINE_M = 6.0
 _NEAR_TARGET_M = 3.0
@@ -176,7 +178,8 @@ def _beyond(
         return Guess(start, ahead, face, bridged, settings.bridge_m)
     beside = end + step
     beyond_view = not 0 <= beside < BINS or np.isnan(scan.range_m[beside])
-    if beyond_view or scan.range_m[end] > settings.map_range_m:
+    at_reach = float(scan.range_m[end]) > _AT_REACH * float(scan.reach_m[beside]) if not beyond_view else False
+    if beyond_view or at_reach or scan.range_m[end] > settings.map_range_m:
         return Guess(start, ahead, face, settings.straight_on_m, 0.0)
     if scan.range_m[beside] < scan.range_m[end]:  # something nearer hides the rest
         return Guess(start, ahead, face, settings.straight_on_m, 0.0)

@@ -1,17 +1,19 @@
 """The goal of one step, and the stop on the way to it."""
 
 import math
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from navigation import safe_distance
-from navigation.camera import Pose
+from navigation.camera import DepthView, Pose
 from navigation.explorer import path
 from navigation.explorer.map import Cells, Map, cells_of, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.point_cloud import Points
+from navigation.sensing import UNKNOWN, looked_at
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -20,6 +22,7 @@ Status = Literal["move", "turn", "done"]
 _RINGS_M = (25.0, 60.0, 160.0)
 _BEYOND_FIRST_M = 6.0
 _MOST_PARTS = 4
+_SIGHT_STEP_M = 0.5
 
 
 class Goal(NamedTuple):
@@ -28,6 +31,13 @@ class Goal(NamedTuple):
     way: Floats
     gain_m: float
     way_m: float
+
+
+class Room(NamedTuple):
+    """What the views at hand show about the drone: the returns near it (nose frame), and the views themselves."""
+
+    near: Points
+    views: Sequence[DepthView]
 
 
 class Decision(NamedTuple):
@@ -135,10 +145,11 @@ def _best_place(
 
 
 def next_stop(
-    grid: Map, goal: Goal, clear: Floats, walls: Bools, pose: Pose, near: Points, settings: ExplorerParameters
+    grid: Map, goal: Goal, clear: Floats, walls: Bools, pose: Pose, room: Room, settings: ExplorerParameters
 ) -> Decision | None:
-    """The farthest point of the way that a straight flight through known free cells reaches, and that the scan at hand
-    shows to be free for the whole body; with less clearance where there is none such."""
+    """The farthest point of the way that a straight flight through known free cells reaches, and that the views at hand
+    show to be free for the whole body, as far as they look there; with less clearance where there is none such."""
+    near = room.near
     here = np.array((pose.x, pose.y))
     gap = goal.way - here
     length = np.hypot(gap[:, 0], gap[:, 1])
@@ -163,7 +174,7 @@ def next_stop(
             bearing = math.degrees(pose.yaw - math.atan2(gap[at, 1], gap[at, 0]))
             bearing = math.remainder(bearing, 360.0)
             free = safe_distance.corridor(near, bearing, body_m, settings.l_max_m).distance_m
-            if free >= length[at] - 1e-6:
+            if free >= length[at] - 1e-6 and _in_sight(room.views, pose, end):
                 return Decision(
                     "move",
                     "towards the best view of uninspected facade",
@@ -176,3 +187,11 @@ def next_stop(
                     tuple((float(x), float(y)) for x, y in goal.way),
                 )
     return None
+
+
+def _in_sight(views: Sequence[DepthView], pose: Pose, end: Floats) -> bool:
+    """Does no camera that looks along the straight way to `end` find it unknown? Where none looks, the map tells."""
+    gap = end - (pose.x, pose.y)
+    share = np.linspace(0.0, 1.0, max(2, math.ceil(float(np.hypot(*gap)) / _SIGHT_STEP_M) + 1))[1:]
+    places = np.array((pose.x, pose.y, pose.z)) + share[:, None] * np.array((*gap, 0.0))
+    return not (looked_at(places, views, pose) == UNKNOWN).any()

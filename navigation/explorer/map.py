@@ -126,7 +126,7 @@ def carve(grid: Map, scan: Scan) -> None:
     bearing = np.degrees(scan.pose.yaw - np.arctan2(dy, dx))
     bearing = np.mod(bearing + 180.0, 360.0) - 180.0
     spread = np.degrees(np.arcsin(np.minimum(1.0, 0.36 / np.maximum(away, 0.36))))
-    seen_to = _least_within(scan.range_m, bearing, spread)
+    seen_to = _least_within(np.minimum(scan.range_m, scan.reach_m), bearing, spread)
     was = state[row, column]
     clear = (away + 0.55 < seen_to) & (was == UNKNOWN)
     wiped = (away + 1.1 < seen_to) & (was == OCCUPIED)
@@ -135,7 +135,7 @@ def carve(grid: Map, scan: Scan) -> None:
     grid.inspected[part][row[wiped], column[wiped]] = False
     solid = body[row, column]
     row, column, away = row[solid], column[solid], away[solid]
-    gone = away + 1.1 < _least_within(scan.body_m, bearing[solid], spread[solid])
+    gone = away + 1.1 < _least_within(np.minimum(scan.body_m, scan.reach_m), bearing[solid], spread[solid])
     body[row[gone], column[gone]] = False
 
 

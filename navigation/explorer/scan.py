@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navigation.camera import Camera, DepthView, Pose, column_slopes, fewest, horizon_rows, row_slopes
+from navigation.point_cloud import above_ground_m
 
 Floats = NDArray[np.float64]
 
@@ -15,6 +16,7 @@ BIN_DEG = 0.5
 REACH_DEG = 135.0
 BINS = round(2 * REACH_DEG / BIN_DEG)
 _FINE_PX = 600
+_HORIZON_SHARE = 0.01
 _NEAREST_ROW_M = 1.4
 """Rows are read as steeply as they see the band from this depth on; nearer things are the corridor's business."""
 
@@ -24,13 +26,19 @@ class Scan(NamedTuple):
 
     `range_m` (BINS,): level distance to the nearest return of the facade's band; inf where there is none, nan where no
     camera saw anything valid. `bearing_deg`: of that return, or the bin's middle. `body_m`: the range for the higher
-    band that the drone's body needs.
+    band that the drone's body needs. `reach_m` (BINS,): how far a bin without a return is free.
     """
 
     pose: Pose
     range_m: Floats
     bearing_deg: Floats
     body_m: Floats
+    reach_m: Floats
+
+    @property
+    def known_share(self) -> float:
+        """Of the bins, those in which some camera saw anything, or that nothing is there."""
+        return float((~np.isnan(self.range_m)).mean())
 
     @property
     def angles(self) -> Floats:
@@ -51,25 +59,39 @@ def bin_bearings_deg() -> Floats:
 
 
 def panorama(views: Sequence[DepthView], pose: Pose, band_m: float, body_band_m: float) -> Scan:
-    """The scan of the level views; of these, the fewest that see all that all of them see. A camera that looks up or
-    down has no horizon to read ranges along and is left out.
+    """The scan of the level views; of these, the fewest that see all that all of them see, and the others where those
+    don't know. A camera that looks up or down has no horizon to read ranges along and is left out.
 
-    The ground is no obstacle: the body's band ends 0.4 m above it.
+    The ground is no obstacle: the body's band ends above it.
     """
-    below = min(body_band_m, max(0.0, pose.z - 0.4))
-    ranges, bearings, bodies = np.full(BINS, np.nan), bin_bearings_deg(), np.full(BINS, np.nan)
-    kept = fewest([view.camera for view in views])
-    for view in (view for view in views if view.camera in kept):
-        found, at = _ranges(view, min(band_m, below), band_m)
-        bearings = np.where((found < ranges) | np.isnan(ranges), at, bearings)
-        ranges = np.fmin(ranges, found)
-        bodies = np.fmin(bodies, _ranges(view, below, body_band_m)[0])
-    return Scan(pose, ranges, bearings, bodies)
+    level = [view for view in views if view.camera.is_level]
+    kept = fewest([view.camera for view in level])
+    scan = Scan(pose, *(np.full(BINS, fill) for fill in (np.nan, 0.0, np.nan, np.inf)))
+    scan = scan._replace(bearing_deg=bin_bearings_deg())
+    for view in (view for view in level if view.camera in kept):
+        scan = _joined(scan, view, band_m, body_band_m)
+    if np.isnan(scan.range_m).any():
+        for view in (view for view in level if view.camera not in kept):
+            more = _joined(scan, view, band_m, body_band_m)
+            blind = np.isnan(scan.range_m)
+            scan = Scan(pose, *(np.where(blind, new, old) for new, old in zip(more[1:], scan[1:], strict=True)))
+    return scan
+
+
+def _joined(scan: Scan, view: DepthView, band_m: float, body_band_m: float) -> Scan:
+    """The scan with one more view: of two ranges the nearer."""
+    below = min(body_band_m, above_ground_m(scan.pose.z))
+    found, at = _ranges(view, min(band_m, below), band_m)
+    bearings = np.where((found < scan.range_m) | np.isnan(scan.range_m), at, scan.bearing_deg)
+    away = np.cos(np.deg2rad(bearings - view.camera.heading_deg))
+    reach = np.where(np.isnan(found), scan.reach_m, np.minimum(scan.reach_m, view.reach_m / np.maximum(away, 0.1)))
+    body = np.fmin(scan.body_m, _ranges(view, below, body_band_m)[0])
+    return Scan(scan.pose, np.fmin(scan.range_m, found), bearings, body, reach)
 
 
 def thinned(view: DepthView) -> DepthView:
     """The view at half the size until it is less than 600 pixels wide: the nearest of every two by two pixels."""
-    camera, depth = view
+    camera, depth = view.camera, view.depth_m
     while camera.width >= _FINE_PX and camera.height % 2 == 0 and camera.width % 2 == 0:
         rows = np.fmin(depth[0::2], depth[1::2])  # invalid pixels are passed over
         depth = np.fmin(rows[:, 0::2], rows[:, 1::2])
@@ -81,12 +103,13 @@ def thinned(view: DepthView) -> DepthView:
             cx_px=camera.cx_px / 2,
             cy_px=camera.cy_px / 2,
         )
-    return DepthView(camera, depth)
+    return view._replace(camera=camera, depth_m=depth)
 
 
 def level_ranges_m(view: DepthView, below_m: float, above_m: float) -> Floats:
     """(W,) level distance of each column's nearest return from `below_m` under to `above_m` over the camera; inf where
-    nothing is there, nan where no pixel at the horizon is valid. Planar depth becomes distance by 1 / cos(bearing)."""
+    nothing is there, nan where nothing is known about the horizon. Planar depth becomes distance by
+    1 / cos(bearing)."""
     camera = view.camera
     slopes = row_slopes(camera).astype(np.float64)
     horizon = horizon_rows(camera)
@@ -99,9 +122,15 @@ def level_ranges_m(view: DepthView, below_m: float, above_m: float) -> Floats:
     with np.errstate(invalid="ignore"):
         inside = np.where(rows <= limit.astype(np.float32)[:, None], rows, np.float32(np.inf))
     nearest = inside.min(axis=0).astype(np.float64)
-    nearest[np.isinf(nearest) & np.isnan(view.depth_m[horizon]).all(axis=0)] = np.nan
+    nearest[np.isinf(nearest) & np.isnan(view.depth_m[_about(horizon, camera.height)]).all(axis=0)] = np.nan
     level: Floats = nearest * np.hypot(1.0, column_slopes(camera).astype(np.float64))
     return level
+
+
+def _about(rows: slice, height: int) -> slice:
+    """The rows, and so many beside them that a hole of a few pixels hides nothing."""
+    more = round(_HORIZON_SHARE * height)
+    return slice(max(0, rows.start - more), min(height, rows.stop + more))
 
 
 def _ranges(view: DepthView, below_m: float, above_m: float) -> tuple[Floats, Floats]:

@@ -61,12 +61,8 @@ def choose_viewpoint(question: ViewpointQuestion) -> ViewpointAnswer:
     settings = viewpoint.ViewpointParameters(**asked.model_dump())
     views = level(checked(question.views))
     rows = {} if question.building_box is None else front_rows(ahead(views), views, question.building_box)
-    sliced = {
-        view.camera.name: viewpoint.Sliced(
-            view.camera.heading_deg, slice_means(view, settings, rows.get(view.camera.name))
-        )
-        for view in views
-    }
+    means = slice_means(views, settings, rows)
+    sliced = {view.camera.name: viewpoint.Sliced(view.camera.heading_deg, means[view.camera.name]) for view in views}
     choice = viewpoint.choose_view(sliced, settings, question.d_max_m, np.random.default_rng(question.seed))
     return ViewpointAnswer(
         camera=choice.name,
@@ -93,7 +89,7 @@ def measure_safe_distances(question: SafeDistancesQuestion) -> SafeDistancesAnsw
     level(asked[:1])
     settings = safe_distance.SafeDistanceParameters(**question.settings.model_dump())
     view, *others = depth_views(asked, settings.sensor_range_m)
-    marked = safe_distance.safe_distances(view, others, settings)
+    marked = safe_distance.safe_distances(view, others, settings, question.height_m)
     return SafeDistancesAnswer(
         points=tuple(
             DirectionPoint(

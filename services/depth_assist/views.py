@@ -1,6 +1,6 @@
 """From the wire's views to those of the mathematics: checked, told apart, decoded."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from contracts.geometry import Box
 from contracts.images import BadImage, decode_depth, decode_depth_units
 from navigation import viewpoint
 from navigation.camera import Camera, DepthView
+from navigation.sensing import read_units, read_views
 from service_kit.errors import BadQuestion
 
 Rows = tuple[int, int]
@@ -84,27 +85,40 @@ def front_rows(front: RigCamera, views: Sequence[ViewDepth], box: Box) -> dict[s
     return rows
 
 
-def slice_means(view: ViewDepth, settings: viewpoint.ViewpointParameters, rows: Rows | None) -> NDArray[np.float64]:
-    """Raises BadQuestion for depth that can't be read or sliced."""
+def slice_means(
+    views: Sequence[ViewDepth], settings: viewpoint.ViewpointParameters, rows: Mapping[str, Rows]
+) -> dict[str, NDArray[np.float64]]:
+    """By camera, cropped to its `rows` where it has any. Raises BadQuestion for depth that can't be read or sliced."""
+    read = read_units([_units(view) for view in views])
+    means = {}
+    for view, units in zip(views, read, strict=True):
+        name, per_unit = view.camera.name, view.depth.metres_per_unit
+        try:
+            means[name] = viewpoint.slice_means(
+                units, per_unit, settings.slices, settings.sensor_range_m, rows.get(name)
+            )
+        except ValueError as error:
+            raise _bad_depth(view, error) from None
+    return means
+
+
+def _units(view: ViewDepth) -> NDArray[np.uint16]:
     try:
-        units = decode_depth_units(view.depth)
-        return viewpoint.slice_means(units, view.depth.metres_per_unit, settings.slices, settings.sensor_range_m, rows)
-    except (BadImage, ValueError) as error:
+        return decode_depth_units(view.depth)
+    except BadImage as error:
         raise _bad_depth(view, error) from None
 
 
 def depth_views(views: Sequence[ViewDepth], sensor_range_m: float) -> list[DepthView]:
-    """Depth in metres; what lies beyond the sensor's range counts as no return. Raises BadQuestion."""
+    """Depth in metres, read by the rule of `navigation.sensing`. Raises BadQuestion."""
     decoded = []
     for view in views:
         try:
             depth_m = decode_depth(view.depth)
         except BadImage as error:
             raise _bad_depth(view, error) from None
-        with np.errstate(invalid="ignore"):
-            depth_m[depth_m > sensor_range_m] = np.inf
         decoded.append(DepthView(camera_of(view.camera), depth_m))
-    return decoded
+    return read_views(decoded, sensor_range_m)
 
 
 def _row_at(front: RigCamera, camera: RigCamera, y: float) -> float:

@@ -5,13 +5,13 @@ broken off at any moment. Metres, ENU; the world outside is told poses as the dr
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from contracts.geometry import Point3, Pose
 from contracts.sim import Flight
-from contracts.vehicle import Battery, FlightMode, Health, PoseUncertainty, VehicleState
-from services.sim.kinematics import Vector
-from services.sim.odometry import Odometry
+from contracts.vehicle import Battery, FlightMode, Health, VehicleState
+from services.sim.kinematics import Vector, wrapped
+from services.sim.odometry import Odometry, Way
 from services.sim.trajectory import Flown, Trajectory, plan
 from services.sim.world import World
 
@@ -19,6 +19,20 @@ Doing = Literal["taking_off", "moving", "returning", "landing"]
 OVER_THE_ROOFS_M = 3.0
 UNDERGROUND_M = -1.0
 """Landing aims at this height, and touches down on what is in the way."""
+
+
+LOOK_S = 0.1
+"""By so much the vehicle's clock goes on for each look, beside the time it flies."""
+_RATES_S = 0.01
+
+
+class Rates(NamedTuple):
+    """Metres a second east, north and up, and radians a second counter-clockwise."""
+
+    east: float
+    north: float
+    up: float
+    yaw: float
 
 
 class Drone:
@@ -70,13 +84,27 @@ class Drone:
 
     def believed(self, pose: Pose) -> Pose:
         """A pose of this flight as the drone's odometry has it."""
-        return self._odometry.believed(pose, self._now.path_horizontal_m if self._now is not None else 0.0)
+        return self._odometry.believed(pose, _way(self._now) if self._now is not None else Way())
+
+    def jump(self, east_m: float) -> None:
+        """What it believes of its position leaps; where it is does not."""
+        self._odometry.jump(east_m)
+
+    @property
+    def rates(self) -> Rates:
+        """How it moves, also on the way."""
+        if self._trajectory is None:
+            return Rates(0.0, 0.0, 0.0, 0.0)
+        before, after = (self._trajectory.at(max(0.0, self._time_s + s)).pose for s in (-_RATES_S, _RATES_S))
+        span_s = self._time_s + _RATES_S - max(0.0, self._time_s - _RATES_S)
+        gaps = (after.x - before.x, after.y - before.y, after.z - before.z, wrapped(after.yaw - before.yaw))
+        return Rates(*(gap / span_s for gap in gaps))
 
     def true(self, place: Point3) -> Point3:
         """The place that one means which the drone believes in, between flights."""
         return self._odometry.true(place)
 
-    def state(self, name: str, moves: int) -> VehicleState:
+    def state(self, name: str, moves: int, looks: int = 0) -> VehicleState:
         """As the drone measures itself now."""
         now = self._now
         horizontal_m = self._path_horizontal_m + (now.path_horizontal_m if now else 0.0)
@@ -84,8 +112,11 @@ class Drone:
         return VehicleState(
             id=name,
             mode=self._mode,
-            pose=self.believed(self.pose),
-            uncertainty=PoseUncertainty(horizontal_m=self._flight.drift * horizontal_m, vertical_m=0.0, yaw_rad=0.0),
+            pose=self._odometry.reading(self.believed(self.pose), (moves, looks)),
+            time_s=flight_s + looks * LOOK_S,
+            uncertainty=self._odometry.uncertainty(
+                Way(self._path_m + (now.path_m if now else 0.0), horizontal_m, flight_s)
+            ),
             battery=Battery(remaining=max(0.0, 1.0 - flight_s / self._flight.endurance_s)),
             health=self._health(flight_s),
             moves=moves,
@@ -97,7 +128,8 @@ class Drone:
 
     def move(self, path: Sequence[Point3], yaw: float | None) -> None:
         """Begins a flight along corners that are meant in the frame which the drone believes in as it sets out."""
-        self._begin("moving", [_vector(self._odometry.true(corner)) for corner in path], yaw)
+        true_yaw = None if yaw is None else self._odometry.true_yaw(yaw)
+        self._begin("moving", [_vector(self._odometry.true(corner)) for corner in path], true_yaw)
 
     def take_off(self, height_m: float) -> None:
         """Straight up from where it stands."""
@@ -143,7 +175,7 @@ class Drone:
             self._hit = self._hit or flown.hit
         self._trajectory = self._now = None
         self._pose = flown.pose
-        self._odometry.flown(flown.path_horizontal_m)
+        self._odometry.flown(flown.pose, _way(flown))
         self._path_m += flown.path_m
         self._path_horizontal_m += flown.path_horizontal_m
         self._flight_s += flown.flight_s
@@ -156,6 +188,10 @@ class Drone:
         if flight_s >= self._flight.endurance_s:
             problems.append("its battery is empty")
         return Health(ok=not problems, problems=tuple(problems))
+
+
+def _way(flown: Flown) -> Way:
+    return Way(flown.path_m, flown.path_horizontal_m, flown.flight_s)
 
 
 def _vector(place: Point3) -> Vector:

@@ -4,6 +4,7 @@ from typing import Literal, NamedTuple
 
 from contracts.cameras import Rig
 from contracts.geometry import Pose
+from contracts.sensor_profiles import FaultKind
 from contracts.sim import Claim, Episode, EpisodeQuestion, Renderer, Verdict
 from contracts.vehicle import Move, MoveProgress, MoveResult, VehicleCapabilities, VehicleState
 from service_kit.errors import Conflict, NotFound
@@ -37,6 +38,9 @@ class LiveEpisode:
         self.ready = ready
         self.rig: Rig = question.rig
         self.flight = question.flight
+        self.sensors = question.sensors_flown
+        self.faults = question.faults
+        self.seeds = (ready.scene.seed, question.seed)
         self.observations = 0
         self._renderer: Renderer = renderer
         self._renderer_detail = renderer_detail
@@ -51,7 +55,13 @@ class LiveEpisode:
             raise
         start = ready.scene.start
         pose = Pose(x=start.position.x, y=start.position.y, z=start.position.z, yaw=wrapped(start.yaw))
-        odometry = Odometry(self.flight.drift, (ready.scene.seed, self.flight.drift_seed))
+        odometry = Odometry(
+            self.sensors.pose,
+            self.flight.drift,
+            (ready.scene.seed, self.flight.drift_seed),
+            noise_seed=question.seed,
+            start=(pose.x, pose.y),
+        )
         self.drone = Drone(self._world, self.flight, pose, odometry, ready.blueprint.roof_m)
 
     @property
@@ -75,7 +85,18 @@ class LiveEpisode:
 
     def state(self) -> VehicleState:
         """The drone as it measures itself, also on the way."""
-        return self.drone.state(self.id, self._moves)
+        return self.drone.state(self.id, self._moves, self.observations)
+
+    def state_at_look(self, number: int) -> VehicleState:
+        """As it measures itself at look `number`, which is about to be taken."""
+        for fault in self.faults:
+            if fault.kind == "pose_jump" and fault.first_look == number:
+                self.drone.jump(fault.jump_m)
+        return self.drone.state(self.id, self._moves, number)
+
+    def has(self, fault: FaultKind, look: int) -> bool:
+        """Whether that fault was asked for at that look."""
+        return any(f.kind == fault and f.at(look) for f in self.faults)
 
     def trial(self, lease: Lease) -> Episode:
         """What the trial adds to the drone."""
@@ -87,6 +108,7 @@ class LiveEpisode:
             renderer_detail=self._renderer_detail,
             flight=self.flight,
             rig=self.rig.name,
+            sensors=self.sensors.label,
             lease_s=lease.lease_s,
             expires_in_s=lease.left_s,
             vehicle=self.state(),
@@ -193,16 +215,17 @@ class LiveEpisode:
         numbered = self._last
         if numbered is None or numbered.result is not None:
             return
+        state = self.state()
         result = MoveResult(
             number=self._moves,
-            pose=self.drone.believed(flown.pose),
+            pose=state.pose,
             reached=flown.hit is None and not cancelled,
             cancelled=cancelled,
             collided=flown.hit is not None,
             hit=flown.hit,
             path_m=flown.path_m,
             flight_s=flown.flight_s,
-            vehicle=self.state(),
+            vehicle=state,
         )
         self._last = _Numbered(numbered.move, result, share)
 

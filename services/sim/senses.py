@@ -8,7 +8,6 @@ from typing import NamedTuple, TypeVar
 
 from contracts.cameras import Camera, Rig
 from contracts.geometry import Pose
-from contracts.images import encode_depth_units, encode_jpeg
 from contracts.sim import Truth, TruthQuestion
 from contracts.vehicle import Observation, SensedView
 from service_kit.errors import BadQuestion
@@ -16,6 +15,7 @@ from services.sim.episode import LiveEpisode
 from services.sim.render.thread import RenderThread
 from services.sim.render.views import check_cameras
 from services.sim.scene_cache import CachedScene, draw
+from services.sim.sensors.suite import Look, SensorSuite, frames_of
 from services.sim.truth import Ids, truth_view
 
 T = TypeVar("T")
@@ -26,6 +26,14 @@ class _Labels(NamedTuple):
 
     pose: Pose
     views: dict[Camera, Ids]
+
+
+class _Taken(NamedTuple):
+    """Views of one moment, and what the vehicle's clock showed then."""
+
+    views: tuple[SensedView, ...]
+    time_s: float | None
+    timings_s: dict[str, float]
 
 
 class Senses:
@@ -40,35 +48,62 @@ class Senses:
         self._workers = workers
         self._labelled = labelled
         self._labels: _Labels | None = None
+        self._sensor = SensorSuite(episode.sensors, episode.seeds)
+        self._frozen: _Taken | None = None
 
     async def look(self, cameras: Sequence[str] | None, depth: bool) -> Observation:
         """The named cameras' views of one moment, also on the way; all of the rig's where none are named. Raises
         BadQuestion or Unavailable."""
-        episode, uploaded, labelled = self._episode, self._cached.uploaded, self._labelled
+        episode = self._episode
         chosen = chosen_cameras(episode.rig, cameras)
-        state, pose = episode.state(), episode.drone.pose
+        number = episode.observations + 1
+        frozen = episode.has("frozen", number)
+        state, pose = episode.state_at_look(number), episode.drone.pose
+        if not frozen:
+            self._frozen = None
+        elif self._frozen is None:
+            self._frozen = await self._taken(episode.rig.cameras, number, pose, state.time_s, depth=True)
+        taken = self._frozen or await self._taken(chosen, number, pose, state.time_s, depth=depth)
+        by_name = {view.camera.name: view if depth else view.model_copy(update={"depth": None}) for view in taken.views}
+        episode.observations = number
+        return Observation(
+            vehicle=episode.id,
+            number=number,
+            pose=state.pose,
+            time_s=taken.time_s,
+            uncertainty=state.uncertainty,
+            views=tuple(by_name[camera.name] for camera in chosen),
+            timings_s=taken.timings_s,
+        )
+
+    async def _taken(
+        self, chosen: tuple[Camera, ...], number: int, pose: Pose, time_s: float | None, *, depth: bool
+    ) -> _Taken:
+        """Draws, and senses and encodes each picture and each depth map as work of its own: OpenCV and the encoders let
+        other threads run meanwhile."""
+        episode, uploaded = self._episode, self._cached.uploaded
+        labelled, panes = self._labelled, self._sensor.tells_panes
+        moving = episode.drone.rates
         started = time.perf_counter()
-        drawn = await draw(self._renderer, lambda renderer: renderer.render(uploaded, pose, chosen, labelled=labelled))
+        drawn = await draw(
+            self._renderer,
+            lambda renderer: renderer.render(uploaded, pose, chosen, labelled=labelled, panes=panes),
+        )
         if drawn.ids is not None:
             self._labels = _Labels(pose, dict(zip(chosen, drawn.ids, strict=True)))
         rendered = time.perf_counter()
-        # each picture and each depth map is work of its own; the encoders let other threads run meanwhile
-        images = [self._work(encode_jpeg, rgb) for rgb in drawn.rgb]
-        depths = [self._work(encode_depth_units, units) for units in drawn.depth_units] if depth else []
+        look = Look(number, pose, moving, blind=episode.has("no_depth", number))
+        seen = list(zip(frames_of(drawn), chosen, strict=True))
+        images = [self._work(self._sensor.picture, *one, look) for one in seen]
+        depths = [self._work(self._sensor.depth, *one, look) for one in seen] if depth else []
         jpegs = await asyncio.gather(*images)
         maps = await asyncio.gather(*depths) if depth else [None] * len(jpegs)
-        episode.observations += 1
-        return Observation(
-            vehicle=episode.id,
-            number=episode.observations,
-            pose=state.pose,
-            uncertainty=state.uncertainty,
-            views=tuple(
-                SensedView(camera=camera, image=image, depth=depth_map)
-                for camera, image, depth_map in zip(chosen, jpegs, maps, strict=True)
-            ),
-            timings_s={"render": rendered - started, "encode": time.perf_counter() - rendered},
+        views = tuple(
+            SensedView(camera=camera, image=image, depth=depth_map)
+            for camera, image, depth_map in zip(chosen, jpegs, maps, strict=True)
         )
+        timings_s = {"render": rendered - started, "encode": time.perf_counter() - rendered}
+        return _Taken(views, time_s, timings_s)
 
     async def truth(self, question: TruthQuestion) -> Truth:
         """Raises BadQuestion or Unavailable."""

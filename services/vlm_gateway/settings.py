@@ -37,9 +37,6 @@ class GatewaySettings(CacheSettings, ServiceSettings):
     prefixes: ClassVar = ("GATEWAY_", "VLM_GATEWAY_", "ORACLE_", "CACHE_", "USAGE_")
 
     port: int = Field(8102, ge=1, le=65535, description="The TCP port to listen at.")
-    drain_timeout_s: int = Field(
-        25, ge=0, le=86_400, description="Seconds that requests under way have to end after SIGTERM."
-    )
     workers: int = Field(
         1, ge=1, le=32, description="Processes that share the port, the places of models and the limits of keys."
     )

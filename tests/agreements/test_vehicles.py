@@ -11,7 +11,7 @@ import pytest
 from contracts.cameras import default_rig
 from contracts.geometry import Point3
 from contracts.scene import Scene
-from contracts.sim import Flight
+from contracts.sim import EpisodeQuestion, Flight
 from mission.ports import ServiceRefused
 from mission.vehicle import Trial
 from mission.vehicles.agreement import CHECKS, Candidate, Check
@@ -95,8 +95,12 @@ VEHICLES: dict[str, Callable[[str], AbstractAsyncContextManager[Candidate]]] = {
 }
 
 
+def asked(scene: Scene, key: str) -> EpisodeQuestion:
+    return EpisodeQuestion(scene=scene, flight=AS_WATCHED, rig=RIG, key=key)
+
+
 async def begun(judged: Judged, key: str = "") -> Any:
-    return await judged.trial.begin(key or f"key-{uuid4().hex}", judged.scene, AS_WATCHED, RIG)
+    return await judged.trial.begin(asked(judged.scene, key or f"key-{uuid4().hex}"))
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -147,7 +151,7 @@ async def test_what_is_released_is_gone(name: str, simulator: str) -> None:
 async def test_a_trial_that_is_no_longer_waited_for_is_not_kept(simulator: str) -> None:
     async with simulator_trial(simulator) as judged:
         scene = judged.scene.model_copy(update={"seed": 77})  # a new one: it takes a moment to build
-        beginning = asyncio.create_task(judged.trial.begin("given-up", scene, AS_WATCHED, RIG))
+        beginning = asyncio.create_task(judged.trial.begin(asked(scene, "given-up")))
         await asyncio.sleep(0.01)
         beginning.cancel()
         await asyncio.wait({beginning})
@@ -157,6 +161,6 @@ async def test_a_trial_that_is_no_longer_waited_for_is_not_kept(simulator: str) 
         async with asyncio.timeout(30):
             while other is None:
                 with suppress(ServiceRefused):
-                    other = await judged.trial.begin("given-up", judged.scene, AS_WATCHED, RIG)
+                    other = await judged.trial.begin(asked(judged.scene, "given-up"))
                 await asyncio.sleep(0.02)
         await other.release()

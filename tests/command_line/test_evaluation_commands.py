@@ -28,9 +28,9 @@ def test_a_model_that_there_is_not_is_refused_before_the_first_question(
     command: tuple[str, ...], tmp_path: Path
 ) -> None:
     out = tmp_path / "run"
-    result = runner.invoke(app, [*command, "--backend", "qwen", "--out", str(out)])
+    result = runner.invoke(app, [*command, "--backend", "Qwen/Qwen2.5-VL-7B-Instruct", "--out", str(out)])
     assert result.exit_code == 2, result.output
-    assert "no model 'qwen'; there are embedded" in result.stderr
+    assert "no model 'Qwen/Qwen2.5-VL-7B-Instruct'; there are embedded" in result.stderr
     assert not out.exists()
 
 

@@ -82,6 +82,22 @@ class Block:
         return Box(x_min=x - half, y_min=y - half, x_max=x + half, y_max=y + half)
 
 
+@dataclass(frozen=True)
+class StereoBlock(Block):
+    """The block as a stereo camera has it: the sky, and what lies beyond `range_m`, is invalid; noise rises as z^2."""
+
+    range_m: float = 10.0
+    noise_per_m: float = 0.0
+
+    def depth_m(self, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+        depth = super().depth_m(pose, camera)
+        chance = np.random.default_rng(round(1000 * (pose.x + 3 * pose.y + 7 * pose.z)) % 2**32)
+        noise = self.noise_per_m * chance.normal(size=depth.shape)
+        with np.errstate(invalid="ignore"):
+            depth = depth + np.where(np.isfinite(depth), noise * depth**2, 0.0)
+        return np.where(depth <= self.range_m, depth, np.nan)
+
+
 def block_scene(block: Block) -> Scene:
     """A scene document that fits the block; the block world reads nothing of it."""
     corners = ((block.x0, block.y0), (block.x1, block.y0), (block.x1, block.y1), (block.x0, block.y1))

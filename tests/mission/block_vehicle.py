@@ -14,8 +14,7 @@ import numpy as np
 from contracts.cameras import Rig
 from contracts.geometry import Point3, Pose
 from contracts.images import encode_depth, encode_jpeg
-from contracts.scene import Scene
-from contracts.sim import Flight, Verdict
+from contracts.sim import EpisodeQuestion, Verdict
 from contracts.vehicle import (
     Battery,
     FlightMode,
@@ -286,13 +285,15 @@ class BlockWorld:
         """Of the drone boarded last."""
         return self.vehicles[self.boarded].pose
 
-    async def begin(self, key: str, scene: Scene, flight: Flight, rig: Rig) -> BlockVehicle:
-        if any(o.kind == "unicorn" for o in scene.objects):
+    async def begin(self, question: EpisodeQuestion) -> BlockVehicle:
+        if any(o.kind == "unicorn" for o in question.scene.objects):
             raise ServiceRefused("sim: there is no class unicorn", code="unknown_class", status=422)
+        assert question.key is not None
+        key = question.key
         if key not in self._by_key:
             name = self._by_key[key] = f"e{len(self.vehicles) + 1}"
             self.begun_at = time.time()
-            self.vehicles[name] = BlockVehicle(self.block, name, rig, pace=self.pace, slow_s=self.slow_s)
+            self.vehicles[name] = BlockVehicle(self.block, name, question.rig, pace=self.pace, slow_s=self.slow_s)
         return await self.resume(self._by_key[key])
 
     async def resume(self, vehicle: str) -> BlockVehicle:

@@ -21,7 +21,7 @@ from contracts.depth_assist import (
 from contracts.geometry import Box, Pose
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from contracts.scene import Scene
-from contracts.sim import Flight
+from contracts.sim import EpisodeQuestion
 from contracts.vlm_gateway import (
     Answer,
     BuildingBoxAnswer,
@@ -138,4 +138,4 @@ def block_ports(
 
 def block_placement(world: BlockWorld, scene: Scene | None = None, rig: Rig = RIG) -> InTrial:
     """The block world's drone at its start, and its judge."""
-    return InTrial(world, scene or block_scene(world.block), Flight(), rig)
+    return InTrial(world, EpisodeQuestion(scene=scene or block_scene(world.block), rig=rig))

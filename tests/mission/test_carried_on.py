@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import get_args
 
@@ -13,7 +13,7 @@ from contracts.cameras import shipped_rig
 from contracts.event_data import EventData
 from contracts.geometry import Point3
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName, Phase
-from contracts.sim import Flight, Verdict
+from contracts.sim import EpisodeQuestion, Verdict
 from mission.advance import advance
 from mission.mission import Mission, result_of
 from mission.placement import OwnVehicle
@@ -124,7 +124,7 @@ async def test_a_state_of_another_version_is_refused() -> None:
 
 async def test_without_a_judge_the_mission_ends_as_delivered_not_judged() -> None:
     world = BlockWorld(BEHIND)
-    vehicle = await world.begin("m", block_scene(BEHIND), Flight(), RIG)
+    vehicle = await world.begin(EpisodeQuestion(scene=block_scene(BEHIND), rig=RIG, key="m"))
     result = await Mission(block_ports(world), OwnVehicle(vehicle), MissionSettings(), Numbered()).fly(REQUEST)
     assert result.outcome == "delivered_not_judged"
     assert "nobody judges" in result.message
@@ -134,7 +134,7 @@ async def test_without_a_judge_the_mission_ends_as_delivered_not_judged() -> Non
 
 async def test_a_vehicle_on_the_ground_takes_off_first() -> None:
     world = BlockWorld(Block())
-    vehicle = await world.begin("m", block_scene(Block()), Flight(), RIG)
+    vehicle = await world.begin(EpisodeQuestion(scene=block_scene(Block()), rig=RIG, key="m"))
     await vehicle.land()
     settings = MissionSettings(take_off_height_m=2.0)
     result = await Mission(block_ports(world), OwnVehicle(vehicle), settings, Numbered()).fly(REQUEST)
@@ -188,7 +188,7 @@ async def test_a_look_that_needs_turns_is_carried_on_between_them() -> None:
     settings, rig = completed(MissionSettings()), shipped_rig("front-wide").scaled_to(SIZE)
 
     def context(world: BlockWorld, log: Numbered) -> MissionContext:
-        placement = replace(block_placement(world), rig=rig)
+        placement = block_placement(world, rig=rig)
         return MissionContext(block_ports(world), placement, settings, policy_of(settings.viewpoint), log)
 
     whole_world, told = BlockWorld(BEHIND), Numbered()

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
 
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, SearchSettings
 from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match
@@ -12,7 +13,7 @@ from mission.clients import Simulated
 from mission.mission import Mission
 from orchestrator.delivery import Order, Run
 from orchestrator.summary import GOOD
-from tests.mission.block import Block, block_scene
+from tests.mission.block import Block, StereoBlock, block_scene
 from tests.mission.block_vehicle import BlockWorld
 from tests.mission.box_world import WHO, BlockVision, block_placement, block_ports
 from tests.mission.test_mission import BEHIND, REQUEST, Events
@@ -32,6 +33,18 @@ async def test_a_window_on_the_far_side_is_found_by_the_contour_explorer() -> No
     assert result.exploration_steps <= 10
     assert not log.of("direction")
     assert "choice" not in result.model_calls
+
+
+@pytest.mark.parametrize(("range_m", "noise_per_m"), [(200.0, 0.0), (20.0, 0.0013), (10.0, 0.003)])
+async def test_the_far_side_is_found_with_a_sensor_to_which_sky_and_distance_are_invalid(
+    range_m: float, noise_per_m: float
+) -> None:
+    start = BEHIND.start.model_copy(update={"y": -12.0})
+    block = StereoBlock(
+        thing=BEHIND.thing, thing_normal=(0.0, 1.0), start=start, range_m=range_m, noise_per_m=noise_per_m
+    )
+    result = await fly(BlockWorld(block), Events())
+    assert result.outcome == "delivered"
 
 
 async def test_every_step_of_the_contour_explorer_leaves_what_a_viewer_can_draw() -> None:

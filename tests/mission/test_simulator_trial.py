@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from contracts.cameras import default_rig
-from contracts.sim import Flight
+from contracts.sim import EpisodeQuestion
 from mission.vehicles.http_vehicle import HttpVehicle
 from mission.vehicles.simulator_trial import SimulatorTrial
 from service_kit.client import ServiceClient
@@ -30,7 +30,8 @@ class Sim:
         self.url = serve(build_app(self.episodes, renderer, CATALOGUE))
 
     async def begin(self, client: ServiceClient, key: str) -> HttpVehicle:
-        return await SimulatorTrial(client).begin(key, make_yard(), Flight(), default_rig().scaled_to(64))
+        question = EpisodeQuestion(scene=make_yard(), rig=default_rig().scaled_to(64), key=key)
+        return await SimulatorTrial(client).begin(question)
 
 
 @pytest.fixture

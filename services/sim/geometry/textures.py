@@ -7,7 +7,7 @@ coordinates `uv` are metres along the surface, divided by `tile_m` when a scene 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 
 import cv2
 import numpy as np
@@ -45,6 +45,12 @@ class TextureSet:
             return self._index[name]
         except KeyError:
             raise UnknownTexture(f"there is no texture {name!r}; there are {', '.join(self.names)}") from None
+
+    @cached_property
+    def pane_layers(self) -> tuple[int, int]:
+        """The first and the last of the layers that are window panes; they lie together."""
+        panes = [i for i, name in enumerate(self.names) if name.startswith("pane_")]
+        return panes[0], panes[-1]
 
     def with_pictures(self, pictures: Sequence[tuple[str, Picture]]) -> "TextureSet":
         """More layers, after those there are: (name, (H, W, 3) uint8 sRGB), spread over uv 0..1."""

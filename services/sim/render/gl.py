@@ -72,12 +72,13 @@ class GlRenderer:
         return uploaded
 
     def render(
-        self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False
+        self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False, panes: bool = False
     ) -> RenderedViews:
-        """Picture and depth of each camera, ids where asked for. Raises ValueError beyond the limits."""
+        """Picture and depth of each camera, ids and panes where asked for. Raises ValueError beyond the limits."""
         rgb: dict[int, NDArray[np.uint8]] = {}
         depth: dict[int, NDArray[np.uint16]] = {}
         ids: dict[int, NDArray[np.uint16]] = {}
+        glass: dict[int, NDArray[np.bool_]] = {}
         for batch in _batches(cameras):
             chosen = [cameras[i] for i in batch]
             target = self._target(chosen, labelled)
@@ -87,6 +88,8 @@ class GlRenderer:
             picture = np.asarray(cv2.cvtColor(rgba, cv2.COLOR_RGBA2RGB), np.uint8)
             rgb.update(zip(batch, picture.reshape(*shape, 3), strict=True))
             depth.update(zip(batch, _read(target, 1).reshape(shape), strict=True))
+            if panes:
+                glass.update(zip(batch, rgba[..., 3].reshape(shape) < 128, strict=True))
             if labelled:
                 ids.update(zip(batch, _read(target, 2).reshape(shape), strict=True))
         order = range(len(cameras))
@@ -94,6 +97,7 @@ class GlRenderer:
             tuple(rgb[i] for i in order),
             tuple(depth[i] for i in order),
             tuple(ids[i] for i in order) if labelled else None,
+            tuple(glass[i] for i in order) if panes else None,
         )
 
     def render_ids(self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera]) -> tuple[NDArray[np.uint16], ...]:
@@ -214,6 +218,7 @@ class GlRenderer:
         for name, value in (("sun_light", weather.sun), ("sky_light", weather.sky), ("ground_light", weather.ground)):
             scene[name] = tuple(gain * v for v in value)
         scene["haze"], scene["haze_per_m"] = weather.haze, weather.haze_per_m
+        scene["pane_layers"] = uploaded.scene.textures.pane_layers
 
     def _draw_panorama(self, uploaded: GlScene) -> None:
         self._set_sky(uploaded, self._programs["panorama"])

@@ -39,6 +39,7 @@ uniform sampler2DShadow shade;
 uniform vec3 sun_light;
 uniform vec3 haze;
 uniform float haze_per_m;
+uniform vec2 pane_layers;
 in vec2 uv;
 in vec3 albedo;
 in vec4 lit;
@@ -52,7 +53,9 @@ void main() {
     float depth = 1.0 / gl_FragCoord.w;
     vec3 c = t * t * albedo * (lit.rgb + sun_light * open);
     float h = min(depth * haze_per_m, 0.75);
-    colour = vec4(sqrt(mix(c, haze, h)), 1.0);
+    // nobody blends: alpha tells window panes from everything else
+    float pane = step(pane_layers.x, layer) * step(layer, pane_layers.y);
+    colour = vec4(sqrt(mix(c, haze, h)), 1.0 - pane);
     depth_units = uint(clamp(depth * 500.0 + 0.5, 1.0, 65535.0));
 }
 """

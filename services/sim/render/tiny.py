@@ -78,9 +78,10 @@ class TinyRenderer:
         return TinyScene(scene)
 
     def render(
-        self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False
+        self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False, panes: bool = False
     ) -> RenderedViews:
-        """Picture and depth of each camera, ids where asked for. Raises ValueError beyond the limits."""
+        """Picture and depth of each camera, ids where asked for; panes are not told. Raises ValueError beyond the
+        limits."""
         check_cameras(cameras)
         rgb, depth, ids = [], [], []
         for camera in cameras:

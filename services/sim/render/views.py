@@ -23,11 +23,12 @@ FAR_M = 1000.0
 class RenderedViews(NamedTuple):
     """Of each view, in the order asked for: rgb (H, W, 3) uint8 sRGB; depth_units (H, W) uint16 in units of 2 mm along
     the optical axis, 65535 where nothing was hit within 131 m; ids (H, W) uint16 the part seen in each pixel, 0 for
-    none, where asked for."""
+    none, where asked for; panes (H, W) bool window panes, where asked for and told."""
 
     rgb: tuple[NDArray[np.uint8], ...]
     depth_units: tuple[NDArray[np.uint16], ...]
     ids: tuple[NDArray[np.uint16], ...] | None = None
+    panes: tuple[NDArray[np.bool_], ...] | None = None
 
     def depth_m(self) -> tuple[NDArray[np.float32], ...]:
         """(H, W) metres along the optical axis, inf where nothing was hit."""
@@ -48,9 +49,11 @@ class Renderer(Protocol):
 
     def upload(self, scene: SceneMesh) -> Uploaded: ...
 
-    def render(self, uploaded: Any, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False) -> RenderedViews:
-        """Picture and depth of each camera of a drone at `pose`; `labelled`: the ids as well, nearly for nothing.
-        Raises ValueError as `check_cameras` does."""
+    def render(
+        self, uploaded: Any, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False, panes: bool = False
+    ) -> RenderedViews:
+        """Picture and depth of each camera of a drone at `pose`; `labelled`: the ids as well, nearly for nothing;
+        `panes`: which pixels are panes, where the renderer can tell. Raises ValueError as `check_cameras` does."""
         ...
 
     def render_ids(self, uploaded: Any, pose: Pose, cameras: Sequence[Camera]) -> tuple[NDArray[np.uint16], ...]:

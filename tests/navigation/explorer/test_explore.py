@@ -127,4 +127,18 @@ def test_views_that_are_all_invalid_do_not_break_a_search_under_way() -> None:
     unseen = np.full((24, 160), np.nan, np.float32)
     blind = tuple(DepthView(CAMERA._replace(heading_deg=h), unseen) for h in (-90, 0, 90))
     step = explore(memory, blind, HERE, usual.EXPLORER)
-    assert step.decision.status in ("move", "turn", "done")
+    assert (step.decision.status, step.decision.reason) == ("turn", "the cameras show nothing")
+    assert np.array_equal(step.memory.map.state, memory.map.state)
+
+
+def test_the_way_does_not_lead_where_a_camera_looks_and_shows_nothing() -> None:
+    views = _views()
+    decision = explore(None, views, HERE, usual.EXPLORER).decision
+    assert decision.status == "move"
+    towards = decision.bearing_deg
+    blinded = [
+        view._replace(depth_m=np.full_like(view.depth_m, np.nan)) if abs(view.heading_deg - towards) < 80.0 else view
+        for view in views
+    ]
+    again = explore(None, blinded, HERE, usual.EXPLORER).decision
+    assert again.status != "move" or abs(again.bearing_deg - towards) > 30.0

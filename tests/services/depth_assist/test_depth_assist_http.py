@@ -159,7 +159,7 @@ def test_what_lies_beyond_the_sensors_range_is_no_return(client: httpx.Client) -
     settings = SafeDistanceSettings(variant="bare", l_max_m=50.0, sensor_range_m=20.0)
     question = SafeDistancesQuestion(view=_view(np.full((60, 60), 30.0)), settings=settings)
     centre = _post(client, "/v1/safe-distances", question.model_dump_json().encode()).json()["points"][2]
-    assert (centre["distance_m"], centre["nearest_return_m"]) == (50.0, None)
+    assert (centre["distance_m"], centre["nearest_return_m"]) == (20.0, None)  # free as far as the sensor reaches
 
 
 def test_an_approach_stops_in_front_of_the_wall(client: httpx.Client) -> None:

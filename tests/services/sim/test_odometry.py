@@ -2,24 +2,36 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
+from contracts.sensor_profiles import PoseSensor
 from contracts.sim import Claim, EpisodeQuestion, Flight
 from contracts.vehicle import Move, MoveResult
 from services.sim.episode import LiveEpisode
-from services.sim.odometry import Odometry
+from services.sim.odometry import Odometry, Way
 from services.sim.scenes import make_ready
 from tests.services.sim.conftest import build_boxes
 
 HERE = Pose(x=1.0, y=2.0, z=3.0, yaw=0.5)
 
 
+REAL = PoseSensor(
+    horizontal_noise_m=0.02,
+    vertical_noise_m=0.03,
+    yaw_noise_deg=0.5,
+    drift=0.02,
+    vertical_drift=0.01,
+    yaw_drift_deg_per_m=0.1,
+)
+
+
 def test_the_error_is_the_share_of_the_way_flown_and_leaves_height_and_heading_alone() -> None:
-    odometry = Odometry(0.02, (7, 0))
-    odometry.flown(30.0)
-    odometry.flown(20.0)
+    odometry = Odometry(PoseSensor(), 0.02, (7, 0))
+    odometry.flown(HERE, Way(horizontal_m=30.0))
+    odometry.flown(HERE, Way(horizontal_m=20.0))
     believed = odometry.believed(HERE)
     assert math.dist((believed.x, believed.y), (HERE.x, HERE.y)) == pytest.approx(1.0)
     assert (believed.z, believed.yaw) == (HERE.z, HERE.yaw)
@@ -29,12 +41,57 @@ def test_the_error_is_the_share_of_the_way_flown_and_leaves_height_and_heading_a
 
 def test_the_direction_hangs_on_the_seeds_alone() -> None:
     def after(*seeds: int) -> tuple[float, float]:
-        odometry = Odometry(0.01, seeds)
-        odometry.flown(10.0)
+        odometry = Odometry(PoseSensor(), 0.01, seeds)
+        odometry.flown(HERE, Way(horizontal_m=10.0))
         return odometry.believed(HERE).x, odometry.believed(HERE).y
 
     assert after(1, 2) == after(1, 2)
     assert len({after(k, 0) for k in range(5)}) == 5
+
+
+def test_a_turned_frame_keeps_what_is_beside_the_drone_where_it_says() -> None:
+    odometry = Odometry(REAL, 0.0, (3,), start=(HERE.x, HERE.y))
+    odometry.flown(HERE, Way(40.0, 40.0, 20.0))
+    believed = odometry.believed(HERE)
+    assert abs(believed.yaw - HERE.yaw) == pytest.approx(math.radians(4.0))
+    assert abs(believed.z - HERE.z) == pytest.approx(0.4)
+    # five metres ahead of where it believes to be and to look are five metres ahead of where it is and looks
+    ahead = Point3(x=believed.x + 5 * math.cos(believed.yaw), y=believed.y + 5 * math.sin(believed.yaw), z=believed.z)
+    true = odometry.true(ahead)
+    assert (true.x, true.y, true.z) == pytest.approx(
+        (HERE.x + 5 * math.cos(HERE.yaw), HERE.y + 5 * math.sin(HERE.yaw), HERE.z)
+    )
+    assert odometry.true_yaw(believed.yaw) == pytest.approx(HERE.yaw)
+
+
+def test_what_is_believed_runs_on_without_a_leap_from_one_flight_to_the_next() -> None:
+    odometry = Odometry(REAL, 0.0, (5,))
+    for k in range(1, 4):
+        there, way = HERE.model_copy(update={"x": 10.0 * k, "yaw": 0.3 * k}), Way(10.0, 9.0, 5.0)
+        before = odometry.believed(there, way)
+        odometry.flown(there, way)
+        after = odometry.believed(there)
+        assert (after.x, after.y, after.z, after.yaw) == pytest.approx((before.x, before.y, before.z, before.yaw))
+
+
+def test_jumps_come_as_often_as_the_sensor_says() -> None:
+    odometry = Odometry(PoseSensor(jumps_per_minute=6.0, jump_m=1.0), 0.0, (9,))
+    leaps = 0
+    for _ in range(1000):
+        before = odometry.believed(HERE)
+        odometry.flown(HERE, Way(flight_s=1.0))
+        after = odometry.believed(HERE)
+        leaps += math.dist((before.x, before.y), (after.x, after.y)) > 0.01
+    assert 70 < leaps < 130
+
+
+def test_a_reading_has_the_noise_of_its_number() -> None:
+    odometry = Odometry(REAL, 0.0, (1,), noise_seed=4)
+    read = [odometry.reading(HERE, (0, look)) for look in range(400)]
+    assert odometry.reading(HERE, (0, 7)) == read[7]
+    assert np.std([pose.x for pose in read]) == pytest.approx(0.02, rel=0.15)
+    assert np.std([pose.z for pose in read]) == pytest.approx(0.03, rel=0.15)
+    assert np.std([pose.yaw for pose in read]) == pytest.approx(math.radians(0.5), rel=0.15)
 
 
 def _episode(scene: Scene, drift: float) -> LiveEpisode:

@@ -1,0 +1,164 @@
+"""What depth says of the space before a camera: something is there, nothing is, or nobody knows. The one place for it.
+
+A return is a return. No return (inf) is free up to the sensor's reach. An invalid pixel (nan) is unknown: neither free
+nor a wall. Sensors differ in what they can say. A simulated camera or a lidar tells "nothing there" from "unmeasured";
+a stereo camera says "invalid" for both, and for it the sky, and all that lies beyond its range, would be unknown for
+ever. So where the sky of a moment's views is invalid, not no return, the invalid pixels that are open upwards, from the
+picture's upper edge down to the first return, broad and in a picture that measures something, count as no return: free
+as far as the farthest returns show that the sensor reaches. Holes amid returns, narrow stripes and pictures without
+returns stay unknown, and so do specks of returns in the air, a stereo camera's mismatches. REP 117 (ROS) draws the same
+line between out of range and invalid.
+"""
+
+import math
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from navigation.camera import DepthView, Pose, pixels_of
+
+Bools = NDArray[np.bool_]
+
+INVALID, NO_RETURN = 0, 65535
+UNSEEN, UNKNOWN, FREE = 0, 1, 2
+"""Of a place: no camera looks there; one does, but sees no farther or nothing; one looked past it."""
+
+_MEASURING_SHARE = 0.01
+"""A picture with fewer returns than this share of its pixels says nothing of the rest."""
+_NARROW_SHARE = 0.1
+"""An opening narrower than this share of the picture's width may be a stripe that was not measured."""
+_REACH_PERCENTILE = 99.0
+_SPECK_PX = 3
+_SPECK_SIZE_PX = 16
+_SPECK_STEP_M = 1.0
+"""Returns in so small a patch, so far from all about them, are mismatches: a stereo camera's ghosts in the air."""
+_NEAREST_M = 0.2
+"""Nothing is measured nearer: it would lie within the drone."""
+_UNIT_M = 0.005
+_HOLE_SHARE = 0.01
+"""A single invalid pixel is as its neighbours are, up to so many widths away."""
+
+
+def read_views(
+    views: Sequence[DepthView], sensor_range_m: float = math.inf, *, shown_m: float = 0.0
+) -> list[DepthView]:
+    """The views of one moment as the rule above reads them: inf where nothing is up to the view's `reach_m`, nan where
+    nobody knows. What lies beyond `sensor_range_m` counts as no return. `shown_m`: the reach that earlier moments have
+    shown. The views given are not changed."""
+    if not any(bool(np.isnan(view.depth_m).any()) for view in views):
+        return [_within_range(view, sensor_range_m) for view in views]
+    views = [_without_specks(view) for view in views]
+    cut = [_within_range(view, sensor_range_m) for view in views]
+    opened = [open_upwards(np.isnan(view.depth_m)) for view in views]
+    if _tells_no_return([np.isinf(view.depth_m) for view in views], opened):
+        return cut
+    reach_m = min(sensor_range_m, max(shown_m, shown_reach_m(views)))
+    return [_opened(view, mask, reach_m) for view, mask in zip(cut, opened, strict=True)]
+
+
+def shown_reach_m(views: Sequence[DepthView]) -> float:
+    """How far the sensor reaches, as the farthest returns of one moment show it; 0 without a return."""
+    returns = np.concatenate([np.zeros(0, np.float32), *(view.depth_m[np.isfinite(view.depth_m)] for view in views)])
+    return float(np.percentile(returns, _REACH_PERCENTILE)) if len(returns) else 0.0
+
+
+def _tells_no_return(absent: Sequence[Bools], opened: Sequence[Bools]) -> bool:
+    """Is this a sensor that says itself where nothing is? Then most of the open sky is no return, not invalid. A few
+    may be far returns beyond what depth's unit can hold."""
+    return sum(map(np.count_nonzero, absent)) > sum(map(np.count_nonzero, opened))
+
+
+def open_upwards(invalid: Bools) -> Bools:
+    """(H, W) of the invalid pixels those that are open from the picture's upper edge down, in broad regions; none in a
+    picture with hardly a return."""
+    width = invalid.shape[1]
+    if np.count_nonzero(invalid) > (1.0 - _MEASURING_SHARE) * invalid.size:
+        return np.zeros_like(invalid)
+    solid = cv2.morphologyEx((~invalid).astype(np.uint8), cv2.MORPH_OPEN, np.ones((_SPECK_PX, _SPECK_PX), np.uint8))
+    opened = np.logical_and.accumulate(solid == 0, axis=0).astype(np.uint8)
+    broad = np.ones((1, max(2, round(_NARROW_SHARE * width))), np.uint8)
+    # the border counts as open: an opening that the picture's side cuts off is no stripe
+    padded = cv2.copyMakeBorder(opened, 0, 0, broad.shape[1], broad.shape[1], cv2.BORDER_REPLICATE)
+    wide = cv2.morphologyEx(padded, cv2.MORPH_OPEN, broad)[:, broad.shape[1] : broad.shape[1] + width]
+    out: Bools = (wide > 0) & invalid
+    return out
+
+
+def read_units(pictures: Sequence[NDArray[np.uint16]]) -> list[NDArray[np.uint16]]:
+    """The same rule for depth as it crosses the wire, (H, W) with 0 invalid and 65535 no return, of one moment."""
+    if not any(bool((units == INVALID).any()) for units in pictures):
+        return list(pictures)
+    opened = [open_upwards(units == INVALID) for units in pictures]
+    if _tells_no_return([units == NO_RETURN for units in pictures], opened):
+        return list(pictures)
+    return [np.where(mask, np.uint16(NO_RETURN), units) for mask, units in zip(opened, pictures, strict=True)]
+
+
+def known_share(views: Sequence[DepthView]) -> float:
+    """The share of all pixels, of views as `read_views` gives them, of which anything is known; 0 without views."""
+    pixels = sum(view.depth_m.size for view in views)
+    return 1.0 - sum(int(np.isnan(view.depth_m).sum()) for view in views) / pixels if pixels else 0.0
+
+
+def looked_at(places: NDArray[np.floating], views: Sequence[DepthView], pose: Pose) -> NDArray[np.int8]:
+    """(N,) UNSEEN, UNKNOWN or FREE for places (N, 3) ENU, by views (of `read_views`) taken from `pose`."""
+    found = np.full(len(places), UNSEEN, np.int8)
+    for view in views:
+        width, height = view.camera.width, view.camera.height
+        x, y, forward = pixels_of(view.camera, pose, places)
+        inside = (forward > 0) & (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        at = np.flatnonzero(inside)
+        if not len(at):
+            continue
+        depth = _at_pixels(view, y[at].astype(np.intp), x[at].astype(np.intp))
+        with np.errstate(invalid="ignore"):
+            free = depth > forward[at]
+        found[at] = np.maximum(found[at], np.where(free, FREE, UNKNOWN))
+    return found
+
+
+def _within_range(view: DepthView, sensor_range_m: float) -> DepthView:
+    """Its reach is the sensor's; what was measured beyond it is no return."""
+    depth_m = view.depth_m
+    with np.errstate(invalid="ignore"):
+        beyond = depth_m > sensor_range_m
+    if math.isfinite(sensor_range_m) and beyond.any():
+        depth_m = np.where(beyond, np.float32(np.inf), depth_m)
+    return view._replace(depth_m=depth_m, reach_m=min(view.reach_m, sensor_range_m))
+
+
+def _without_specks(view: DepthView) -> DepthView:
+    """Of a sensor that has invalid pixels: mismatches are invalid too."""
+    with np.errstate(invalid="ignore"):
+        close = view.depth_m < np.float32(_NEAREST_M)
+    depth_m = np.where(close, np.float32(np.nan), view.depth_m)
+    units = np.nan_to_num(depth_m / np.float32(_UNIT_M), nan=0.0, posinf=32767.0).clip(0.0, 32767.0).astype(np.int16)
+    kept = cv2.filterSpeckles(units.copy(), 0, _SPECK_SIZE_PX, round(_SPECK_STEP_M / _UNIT_M))[0]
+    specks = (kept == 0) & (units > 0) & np.isfinite(depth_m)
+    return view._replace(depth_m=np.where(specks, np.float32(np.nan), depth_m))
+
+
+def _opened(view: DepthView, opened: Bools, reach_m: float) -> DepthView:
+    if not opened.any():
+        return view
+    return view._replace(depth_m=np.where(opened, np.float32(np.inf), view.depth_m), reach_m=min(view.reach_m, reach_m))
+
+
+def _at_pixels(view: DepthView, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float32]:
+    """(N,) how far the pixels are free: an invalid one as far as the nearest return or opening of those about it."""
+    height, width = view.depth_m.shape
+    reach = np.float32(view.reach_m)
+    depth = np.minimum(view.depth_m[rows, columns], reach)
+    holes = np.flatnonzero(np.isnan(depth))
+    if len(holes):
+        half = max(1, round(_HOLE_SHARE * width))
+        beside = np.arange(-half, half + 1)
+        r = np.clip(rows[holes, None, None] + beside[:, None], 0, height - 1)
+        c = np.clip(columns[holes, None, None] + beside, 0, width - 1)
+        patch = np.minimum(view.depth_m[r, c], reach).reshape(len(holes), -1)
+        known = ~np.isnan(patch)
+        nearest = np.where(known, patch, np.inf).min(axis=1)
+        depth[holes] = np.where(known.mean(axis=1) >= 0.25, nearest, np.nan)
+    return depth

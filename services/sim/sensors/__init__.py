@@ -1,0 +1,1 @@
+"""What real sensors make of what is drawn and flown: depth, pictures, and the chance they draw from."""
