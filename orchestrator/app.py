@@ -1,19 +1,24 @@
 """The REST door: deliveries, their events as they happen, their pictures, and the viewer."""
 
+import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import FastAPI, Header, Response
+from fastapi import FastAPI, Header, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse
+from sqlalchemy.exc import DBAPIError
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
 from orchestrator import sample_library
 from orchestrator.assembly import Orchestrator
 from service_kit.app import Check, create_app
+from service_kit.errors import error_response
+
+log = logging.getLogger("orchestrator.app")
 
 VIEWER = Path(__file__).parent / "viewer.html"
 MAX_BODY_BYTES = 4 * 1024 * 1024
@@ -51,6 +56,11 @@ def build_app(
             await on_close()
 
     app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, token=token, lifespan=lifespan)
+
+    @app.exception_handler(DBAPIError)
+    async def _no_database(_: Request, error: DBAPIError) -> Response:
+        log.error("the database does not answer: %s", error.orig)
+        return error_response(503, "no_database", "the database does not answer; try again later")
 
     @app.post("/v1/deliveries", status_code=202, tags=["deliveries"])
     async def post_delivery(

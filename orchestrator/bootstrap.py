@@ -24,6 +24,7 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         Records(settings.runs_dir),
         Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights),
         Bounds(waiting=settings.max_waiting_deliveries),
+        lost_after_s=settings.lost_after_s,
     )
-    checks = {client.service: client.usable for client in services.all}
+    checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
     return build_app(orchestrator, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)
