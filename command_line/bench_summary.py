@@ -14,9 +14,10 @@ def print_summary(console: Console, summary: Summary, folder: str) -> None:
     main.add_row("infrastructure failures", f"{summary.infrastructure}{left_out}")
     main.add_row("success rate", spoken(summary.success))
     spl = f"{_number(summary.spl.horizontal)} horizontal, {_number(summary.spl.spatial)} spatial"
-    main.add_row("SPL", f"{spl}; an ideal lap {_number(summary.ideal_lap_spl)}")
+    main.add_row("SPL", f"{spl}; an ideal lap {_number(summary.ideal_lap_spl)} horizontal")
     main.add_row("average steps", "n/a" if summary.average_steps is None else f"{summary.average_steps:.1f}")
-    main.add_row("floor localization fails", spoken(summary.floor_fail))
+    half = f"by half a floor {spoken(summary.floor_fail_half_floor)}"
+    main.add_row("floor localization fails", f"by 7 m {spoken(summary.floor_fail)}; {half}")
     main.add_row("object recognition fails", spoken(summary.recognition_fail))
     main.add_row("collisions", f"{summary.collisions}")
     if (bare := summary.absent) is not None:

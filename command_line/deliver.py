@@ -120,7 +120,7 @@ def deliver(
         print_result(console, result, folder)
     if result.outcome == "cancelled":
         raise typer.Exit(INTERRUPTED)
-    raise typer.Exit(0 if result.outcome in ("delivered", "delivered_not_judged") else FAILED)
+    raise typer.Exit(0 if result.outcome in ("delivered", "stopped_not_judged") else FAILED)
 
 
 async def _deliver(

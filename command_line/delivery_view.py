@@ -160,7 +160,7 @@ def _pose(event: Event) -> Pose | None:
 
 def print_result(console: Console, result: DeliveryResult, folder: str) -> None:
     """The end, for a person: how it went, what it cost, where the pictures are."""
-    style = {"delivered": "bold green", "delivered_not_judged": "bold yellow"}.get(result.outcome, "bold red")
+    style = {"delivered": "bold green", "stopped_not_judged": "bold yellow"}.get(result.outcome, "bold red")
     console.print(Text(result.outcome.replace("_", " ").upper(), style), end="  ")
     console.print(result.message, markup=False, highlight=False, soft_wrap=True)
     calls = ", ".join(

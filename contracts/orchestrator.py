@@ -1,8 +1,8 @@
 """orchestrator: deliveries, their settings, their events, their results."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValue, model_validator
+from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValue, field_validator, model_validator
 
 from contracts.base import Metres, ModelName, Name, Unit, Wire
 from contracts.cameras import Rig, default_rig, flyable, shipped_rig
@@ -14,7 +14,7 @@ from contracts.sim import Flight, Verdict
 
 OutcomeName = Literal[
     "delivered",
-    "delivered_not_judged",
+    "stopped_not_judged",
     "wrong_window",
     "not_in_front",
     "collision",
@@ -213,6 +213,12 @@ class DeliveryResult(Wire):
     stops: tuple[Stop, ...] = ()
     search_policy: Name | None = None
     inspected_share: Annotated[float, Field(ge=0.0, le=1.0)] | None = None
+
+    @field_validator("outcome", mode="before")
+    @classmethod
+    def _of_version_0_2(cls, outcome: Any) -> Any:
+        """A stop that nobody judges was called delivered then."""
+        return "stopped_not_judged" if outcome == "delivered_not_judged" else outcome
 
 
 class Delivery(Wire):

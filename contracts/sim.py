@@ -28,6 +28,8 @@ Renderer = Literal["moderngl", "tiny"]
 MAX_LEASE_S = 86_400.0
 SUCCESS_RADIUS_M = 3.0
 """How near to its window's centre a delivery ends."""
+SUCCESS_ASIDE_DEG = 60.0
+"""How far off the window's normal it may end."""
 
 
 class Flight(Wire):
@@ -96,8 +98,11 @@ class Claim(Wire):
 
 
 class Verdict(Wire):
-    """`delivered` is the design's success: the right window, within 3 m of its centre, in front of it, in clear sight,
-    never collided. `judged` is false for a scene without a goal: then only the stop in front of a window is checked."""
+    """`delivered` is success: the right window claimed, within 3 m of its centre, no other window of any building
+    nearer to the stop, within 60 degrees of its normal, in front of it, in clear sight, never collided. `judged` is
+    false for a scene without a goal: nothing is delivered there, and the rest tells of the window that is nearest to
+    the claim. `aside_deg`: between the window's normal and the way to the stop. `steps`: stops with a look, as the
+    world counts them. Verdicts of version 0.2 have neither `nearest_window`, `aside_deg` nor `steps`: null."""
 
     judged: bool
     delivered: bool
@@ -106,6 +111,16 @@ class Verdict(Wire):
     in_front: bool
     line_of_sight: bool
     collided: bool
+    nearest_window: bool | None = None
+    aside_deg: float | None = Field(default=None, ge=0.0, le=180.0)
+    steps: int | None = Field(default=None, ge=0)
+
+    def stops_well(self, radius_m: float = SUCCESS_RADIUS_M) -> bool:
+        """Everything but which window was meant, with another radius where one is asked for."""
+        if self.distance_m is None or self.distance_m > radius_m or self.nearest_window is False:
+            return False
+        aside = self.aside_deg is not None and self.aside_deg > SUCCESS_ASIDE_DEG
+        return self.in_front and not aside and self.line_of_sight and not self.collided
 
 
 class TruthQuestion(Wire):

@@ -83,7 +83,7 @@ class InTrial:
 
 @dataclass(frozen=True)
 class OwnVehicle:
-    """A vehicle that stands ready, and nobody to judge: the mission ends as delivered, not judged."""
+    """A vehicle that stands ready, and nobody to judge: the mission ends as stopped, not judged."""
 
     vehicle: Vehicle
 

@@ -130,7 +130,7 @@ def _head(canvas: Canvas, delivery: Delivery, result: DeliveryResult) -> None:
 
 def _colour_of(result: DeliveryResult) -> Colour:
     """Of the outcome: what nobody judged is neither good nor bad."""
-    return {"delivered": GOOD, "delivered_not_judged": OPEN}.get(result.outcome, BAD)
+    return {"delivered": GOOD, "stopped_not_judged": OPEN}.get(result.outcome, BAD)
 
 
 def _panel(canvas: Canvas, left: int, top: int, title: str, picture: Canvas | None) -> None:

@@ -44,12 +44,15 @@ def row(task: Task, record: EpisodeRecord) -> dict[str, Cell]:
         "target_height_m": task.target_height_m,
         "shortest_horizontal_m": task.shortest_horizontal_m,
         "shortest_spatial_m": task.shortest_spatial_m,
+        "clearance_m": task.clearance_m,
         "reason": record.reason,
         "success": record.success,
         "outcome": result.outcome if result else None,
         "message": result.message if result else None,
         "error": record.error,
         "steps": result.steps if result else None,
+        "world_steps": verdict.steps if verdict else None,
+        "sensors": result.sensors if result else None,
         "exploration_steps": result.exploration_steps if result else None,
         "path_m": result.path_m if result else None,
         "path_horizontal_m": result.path_horizontal_m if result else None,
@@ -60,6 +63,8 @@ def row(task: Task, record: EpisodeRecord) -> dict[str, Cell]:
         "claimed": verdict is not None if result else None,
         "right_window": verdict.right_window if verdict else None,
         "distance_m": verdict.distance_m if verdict else None,
+        "nearest_window": verdict.nearest_window if verdict else None,
+        "aside_deg": verdict.aside_deg if verdict else None,
         "in_front": verdict.in_front if verdict else None,
         "line_of_sight": verdict.line_of_sight if verdict else None,
         "collided": verdict.collided if verdict else None,
@@ -94,9 +99,9 @@ def write_parquet(path: Path, tasks: Mapping[str, Task], records: Sequence[Episo
     return True
 
 
-_BOOLEAN = {"success", "claimed", "right_window", "in_front", "line_of_sight", "collided"}
+_BOOLEAN = {"success", "claimed", "right_window", "nearest_window", "in_front", "line_of_sight", "collided"}
 _WHOLE = {
-    *("seed", "floors", "floor", "corners", "steps", "exploration_steps", "parsed_floor"),
+    *("seed", "floors", "floor", "corners", "steps", "world_steps", "exploration_steps", "parsed_floor"),
     *("model_calls", "cache_hits", "prompt_tokens", "completion_tokens"),
 }
 
@@ -107,4 +112,4 @@ def _type_of(name: str, values: Sequence[Cell]) -> str:
         return "bool"
     if name in _WHOLE:
         return "int"
-    return "float" if name.endswith(("_m", "_s")) else "str"
+    return "float" if name.endswith(("_m", "_s", "_deg")) else "str"

@@ -8,7 +8,7 @@ from contracts.base import Wire
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.paired import Difference, mcnemar, paired_bootstrap
 from evaluation.metrics.spl import spl
-from evaluation.metrics.summary import check_records, horizontal
+from evaluation.metrics.summary import check_records, horizontal, spatial
 from evaluation.task_set.task import Task
 
 BOOTSTRAP_SEED = 20_250
@@ -27,7 +27,7 @@ class Change(Wire):
 
 class Comparison(Wire):
     """A run and its baseline on the tasks that both flew. `only_*`: tasks that one of them alone solved. One test a
-    figure: `success_p` is McNemar's, exact; `spl_p` the paired bootstrap's, of horizontal SPL, null where `spl` has no
+    figure: `success_p` is McNemar's, exact; those of both SPL the paired bootstrap's, null where the change has no
     interval."""
 
     tasks: int
@@ -37,8 +37,10 @@ class Comparison(Wire):
     neither: int
     success: Change
     success_p: float
-    spl: Change
-    spl_p: float | None
+    horizontal_spl: Change
+    horizontal_spl_p: float | None
+    spatial_spl: Change
+    spatial_spl_p: float | None
 
 
 def compare(tasks: Mapping[str, Task], run: Sequence[EpisodeRecord], baseline: Sequence[EpisodeRecord]) -> Comparison:
@@ -49,11 +51,14 @@ def compare(tasks: Mapping[str, Task], run: Sequence[EpisodeRecord], baseline: S
     a, b = ({record.task: record for record in records if record.judged} for records in (run, baseline))
     shared = sorted(a.keys() & b.keys())
     won = [[records[name].success for name in shared] for records in (a, b)]
-    efficient = [[spl([horizontal(tasks[name], records[name])]) or 0.0 for name in shared] for records in (a, b)]
+    level, free = (
+        [[spl([way(tasks[name], records[name])]) or 0.0 for name in shared] for records in (a, b)]
+        for way in (horizontal, spatial)
+    )
     test = mcnemar(won[0], won[1])
     rng = np.random.default_rng(BOOTSTRAP_SEED)
     both = sum(x and y for x, y in zip(*won, strict=True))
-    success, efficiency = (paired_bootstrap(first, second, rng) for first, second in (won, efficient))
+    success, plan, space = (paired_bootstrap(first, second, rng) for first, second in (won, level, free))
     enough = len(shared) >= FEWEST_FOR_BOOTSTRAP
     return Comparison(
         tasks=len(shared),
@@ -63,8 +68,10 @@ def compare(tasks: Mapping[str, Task], run: Sequence[EpisodeRecord], baseline: S
         neither=len(shared) - both - test.only_first - test.only_second,
         success=_change(success, enough),
         success_p=test.p,
-        spl=_change(efficiency, enough),
-        spl_p=efficiency.p if enough else None,
+        horizontal_spl=_change(plan, enough),
+        horizontal_spl_p=plan.p if enough else None,
+        spatial_spl=_change(space, enough),
+        spatial_spl_p=space.p if enough else None,
     )
 
 

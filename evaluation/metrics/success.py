@@ -24,11 +24,9 @@ def success_rate(records: Sequence[EpisodeRecord]) -> Proportion:
 
 
 def stops_well(result: DeliveryResult | None, radius_m: float = SUCCESS_RADIUS_M) -> bool:
-    """The right window claimed within `radius_m` of its centre, in front of it, in clear sight, never collided."""
+    """The right window claimed and stopped at as the judge wants it, but within `radius_m` of its centre."""
     verdict = result.verdict if result is not None else None
-    if verdict is None or not verdict.right_window or verdict.distance_m is None:
-        return False
-    return verdict.distance_m <= radius_m and verdict.in_front and verdict.line_of_sight and not verdict.collided
+    return verdict is not None and bool(verdict.right_window) and verdict.stops_well(radius_m)
 
 
 def success_curve(records: Sequence[EpisodeRecord], radii_m: Sequence[float] = CURVE_RADII_M) -> tuple[AtRadius, ...]:
@@ -38,8 +36,15 @@ def success_curve(records: Sequence[EpisodeRecord], radii_m: Sequence[float] = C
 
 def average_steps(records: Sequence[EpisodeRecord]) -> float | None:
     """The mean over successful tasks only, as the paper has it; null without a success."""
-    steps = [record.result.steps for record in records if record.success and record.result is not None]
+    steps = [steps_of(record.result) for record in records if record.success and record.result is not None]
     return sum(steps) / len(steps) if steps else None
+
+
+def steps_of(result: DeliveryResult) -> int:
+    """Stops as the world counted them; as the mission did where no world counts: without a claim, on a vehicle of one's
+    own, in results of version 0.2."""
+    counted = result.verdict.steps if result.verdict is not None else None
+    return result.steps if counted is None else counted
 
 
 def recognition_fail_rate(records: Sequence[EpisodeRecord]) -> Proportion:

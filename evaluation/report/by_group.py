@@ -4,18 +4,18 @@ from collections.abc import Sequence
 
 from contracts.base import Wire
 from evaluation.metrics.breakdown import GROUPINGS, GroupingName
-from evaluation.metrics.summary import Rate, summarize
+from evaluation.metrics.summary import Rate, Spl, summarize
 from evaluation.report.comparison import rate
 from evaluation.report.markup import percent
 from evaluation.report.runs import Run
 
 
 class GroupFigures(Wire):
-    """One run's tasks of one group. `spl` (horizontal) and `ideal_lap_spl` 0..1, `steps` on average; null where
-    nothing tells."""
+    """One run's tasks of one group. SPL 0..1, `ideal_lap_spl` horizontal, `steps` on average; null where nothing
+    tells."""
 
     success: Rate
-    spl: float | None
+    spl: Spl
     ideal_lap_spl: float | None
     steps: float | None
 
@@ -48,7 +48,7 @@ def _grouped(run: Run, by: GroupingName) -> GroupedRun:
         found = summarize(tasks, [record for record in run.records if record.task in tasks], 0.0)
         groups[name] = GroupFigures(
             success=found.success,
-            spl=found.spl.horizontal,
+            spl=found.spl,
             ideal_lap_spl=found.ideal_lap_spl,
             steps=found.average_steps,
         )
@@ -60,7 +60,7 @@ def heads(found: GroupedRuns) -> tuple[str, ...]:
 
 
 def rows(found: GroupedRuns) -> list[tuple[str, ...]]:
-    """A line a group: success with its interval, SPL beside the ideal lap's, steps."""
+    """A line a group: success with its interval, both SPL, the ideal lap's beside them, steps."""
     names = dict.fromkeys(name for run in found.runs for name in run.groups)
     return [(name, *(_cell(run.groups.get(name)) for run in found.runs)) for name in names]
 
@@ -69,4 +69,5 @@ def _cell(figures: GroupFigures | None) -> str:
     if figures is None:
         return ""
     steps = "" if figures.steps is None else f", {figures.steps:.1f} steps"
-    return f"{rate(figures.success)}, SPL {percent(figures.spl)} of {percent(figures.ideal_lap_spl)}{steps}"
+    spl = f"SPL horizontal {percent(figures.spl.horizontal)} of {percent(figures.ideal_lap_spl)}"
+    return f"{rate(figures.success)}, {spl}, spatial {percent(figures.spl.spatial)}{steps}"

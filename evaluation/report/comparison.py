@@ -12,16 +12,20 @@ from evaluation.report.runs import Run
 HEADS = (
     "arm",
     "success",
-    "SPL",
+    "SPL horizontal",
+    "SPL spatial",
     "steps",
-    "floor fails",
+    "floor off by 7 m",
+    "by half a floor",
     "wrong claims",
     "collisions",
     "infrastructure",
     "only it : only the first",
     "p success",
-    "SPL gained",
-    "p SPL",
+    "horizontal SPL gained",
+    "p horizontal SPL",
+    "spatial SPL gained",
+    "p spatial SPL",
 )
 
 
@@ -93,16 +97,25 @@ def cells(arm: Arm) -> tuple[str, ...]:
         arm.label,
         rate(own.success),
         percent(own.spl.horizontal),
+        percent(own.spl.spatial),
         "n/a" if own.average_steps is None else f"{own.average_steps:.1f}",
         rate(own.floor_fail),
+        rate(own.floor_fail_half_floor),
         rate(own.recognition_fail),
         str(own.collisions),
         f"{own.infrastructure} of {own.tasks}" if own.infrastructure else "0",
     )
     if test is None:
-        return (*figures, "", "", "", "")
-    tests = (f"{test.only_run} : {test.only_baseline}", p_value(test.success_p), change(test.spl), p_value(test.spl_p))
-    return figures + tests
+        return (*figures, *[""] * (len(HEADS) - len(figures)))
+    return (
+        *figures,
+        f"{test.only_run} : {test.only_baseline}",
+        p_value(test.success_p),
+        change(test.horizontal_spl),
+        p_value(test.horizontal_spl_p),
+        change(test.spatial_spl),
+        p_value(test.spatial_spl_p),
+    )
 
 
 def rate(found: Rate) -> str:

@@ -22,7 +22,7 @@ KINDS_OF_DIFFERENCE = (
     "from this project's simulator, its own tasks and the models named in each row. They are printed side by side to "
     "compare the layout and the effect of an ablation, not one number with the other. Small print: k/n, then the "
     "Wilson 95 % interval in percent; p: against the row with the paper's method on the tasks that both flew (success: "
-    "McNemar, exact; SPL: paired bootstrap)."
+    "McNemar, exact; horizontal SPL: paired bootstrap)."
 )
 
 
@@ -89,11 +89,12 @@ def _run_card(k: int, run: Run) -> Html:
     busy = summary.render_s + summary.model_s
     part = f" of {summary.planned}" if summary.planned != summary.tasks else ""
     facts = [
-        ("SPL", f"{percent(summary.spl.horizontal)} % (3-D {percent(summary.spl.spatial)} %)"),
-        ("Ideal lap's SPL", f"{percent(summary.ideal_lap_spl)} %" + _share_of(summary)),
+        ("SPL", f"{percent(summary.spl.horizontal)} % horizontal, {percent(summary.spl.spatial)} % spatial"),
+        ("Ideal lap's horizontal SPL", f"{percent(summary.ideal_lap_spl)} %" + _share_of(summary)),
         ("Average steps", number(summary.average_steps)),
         ("Infrastructure failures", f"{summary.infrastructure} of {summary.tasks} tasks, in no rate"),
-        ("Floor failures", f"{percent(summary.floor_fail.rate)} % ({summary.floor_fail.k}/{summary.floor_fail.n})"),
+        ("Floor failures, 7 m", _of(summary.floor_fail, "n/a")),
+        ("Floor failures, half a floor", _of(summary.floor_fail_half_floor, "n/a")),
         ("Recognition failures", _of(summary.recognition_fail)),
         ("Collisions", str(summary.collisions)),
         *((figure.title, _figure(figure)) for figure in summary.extensions.values()),

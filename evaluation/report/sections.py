@@ -116,7 +116,9 @@ def compared(runs: Sequence[Run]) -> list[Html]:
         "Neither",
         "Success gained",
         "p",
-        "SPL gained",
+        "Horizontal SPL gained",
+        "p",
+        "Spatial SPL gained",
         "p",
     )
     rows = []
@@ -130,8 +132,10 @@ def compared(runs: Sequence[Run]) -> list[Html]:
                 *(tag("td", n) for n in (found.tasks, found.both, found.only_run, found.only_baseline, found.neither)),
                 tag("td", change(found.success)),
                 tag("td", p_value(found.success_p) if found.tasks else "n/a"),
-                tag("td", change(found.spl)),
-                tag("td", p_value(found.spl_p)),
+                tag("td", change(found.horizontal_spl)),
+                tag("td", p_value(found.horizontal_spl_p)),
+                tag("td", change(found.spatial_spl)),
+                tag("td", p_value(found.spatial_spl_p)),
             )
         )
     table = tag(

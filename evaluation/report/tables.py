@@ -164,8 +164,10 @@ def _our_scores(first: str, rows: Sequence[Row]) -> Html:
             continue
         test = _test(row)
         summary = row.run.summary
-        beside = f"3-D {percent(summary.spl.spatial)} · ideal lap {percent(summary.ideal_lap_spl)}"
-        spl = _number(percent(summary.spl.horizontal), beside + (f" · p {p_value(test.spl_p)}" if test else ""))
+        beside = f"horizontal · spatial {percent(summary.spl.spatial)} · ideal lap {percent(summary.ideal_lap_spl)}"
+        spl = _number(
+            percent(summary.spl.horizontal), beside + (f" · p {p_value(test.horizontal_spl_p)}" if test else "")
+        )
         cells.append(
             [
                 text(row.name),
@@ -201,7 +203,7 @@ def _our_floors(runs: Sequence[Run]) -> Html:
             text("abcdefghijklmnopqrstuvwxyz"[at % 26]),
             text(run.model),
             text(methods[run.arm.floors]),
-            _rate(run.summary.floor_fail, f"½ floor: {percent(run.summary.floor_fail_half_floor.rate)}"),
+            _rate(run.summary.floor_fail, f"7 m · ½ floor: {percent(run.summary.floor_fail_half_floor.rate)}"),
         ]
         for at, run in enumerate(fitting)
     ]

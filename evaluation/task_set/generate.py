@@ -20,7 +20,7 @@ from evaluation.scene_generator.scenes import build_scene
 from evaluation.sim_client import SimClient
 from evaluation.task_set.proof import NotSolvable, Proof, prove
 from evaluation.task_set.requests import Fill, draw_parcel, filled, noun_phrase, templates
-from evaluation.task_set.shortest import goal_slot
+from evaluation.task_set.shortest import FIRST, goal_slot
 from evaluation.task_set.task import Category, Task
 
 MAX_TASKS = 2_000
@@ -75,7 +75,7 @@ def make_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue: Cata
         try:
             spec = _draw(plan, wanted, f"{prefix}-{wanted.number:03d}", category, seed, catalogue)
             scene = build_scene(spec, seed, catalogue, building_seed=plan.seed)
-            proof = prove(scene, simulator)
+            proof = prove(scene, simulator, FIRST)
         except (UnbuildableScene, NotSolvable) as error:
             why = str(error)
             continue

@@ -8,10 +8,10 @@ from contracts.cameras import default_rig
 from contracts.geometry import Point3, Pose
 from contracts.scene import Scene
 from contracts.scene_layout import WindowSlot
-from contracts.sim import Claim, TruthQuestion
+from contracts.sim import Claim, TruthQuestion, Verdict
 from contracts.vehicle import Move
 from evaluation.sim_client import SimClient, SimulatorFault
-from evaluation.task_set.shortest import ShortestWay, goal_slot, ways
+from evaluation.task_set.shortest import Edition, ShortestWay, goal_slot, ways
 
 SEEN_SHARE = 0.4
 SEEN_PIXELS = 80
@@ -31,19 +31,19 @@ class Proof(NamedTuple):
     seen_from: Pose
 
 
-def prove(scene: Scene, simulator: SimClient) -> Proof:
+def prove(scene: Scene, simulator: SimClient, edition: Edition) -> Proof:
     """Flies the shortest way, looks, and claims the window. Raises NotSolvable, SimulatorFault."""
     slot = goal_slot(scene)
     why = "no way on the plan leads to the window"
-    for way in ways(scene):
+    for way in ways(scene, edition):
         try:
-            return _flown(scene, slot, way, simulator)
+            return _flown(scene, slot, way, simulator, edition)
         except NotSolvable as error:
             why = str(error)
     raise NotSolvable(f"{scene.name}: {why}")
 
 
-def _flown(scene: Scene, slot: WindowSlot, way: ShortestWay, simulator: SimClient) -> Proof:
+def _flown(scene: Scene, slot: WindowSlot, way: ShortestWay, simulator: SimClient, edition: Edition) -> Proof:
     episode = simulator.open(scene)
     try:
         facing = math.atan2(-slot.normal[1], -slot.normal[0])
@@ -67,12 +67,20 @@ def _flown(scene: Scene, slot: WindowSlot, way: ShortestWay, simulator: SimClien
         back = simulator.move(episode.id, moves, Move(path=(Point3(x=stop.x, y=stop.y, z=stop.z),), yaw=facing))
         x, y, z = slot.centre
         verdict = simulator.claim(episode.id, Claim(target=Point3(x=x, y=y, z=z)))
-        if not (back.reached and verdict.delivered):
+        if not (back.reached and _delivers(verdict, edition)):
             raise NotSolvable("the stop at the end of the shortest way is not a delivery")
         return Proof(way, seen_from)
     finally:
         with contextlib.suppress(SimulatorFault):
             simulator.close(episode.id)
+
+
+def _delivers(verdict: Verdict, edition: Edition) -> bool:
+    """By the judge's rules; the first edition was proved before the nearest window counted."""
+    if edition.own_window:
+        return verdict.delivered
+    ruled = verdict.model_copy(update={"nearest_window": None, "aside_deg": None})
+    return bool(verdict.right_window) and ruled.stops_well()
 
 
 def _seen(simulator: SimClient, episode: str) -> bool:

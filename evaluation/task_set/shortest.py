@@ -5,14 +5,28 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
+from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Point3
 from contracts.scene import Scene, WindowPlace
-from contracts.scene_layout import WindowSlot, floor_outline, window_slot
-from contracts.sim import SUCCESS_RADIUS_M
+from contracts.scene_layout import WindowSlot, floor_outline, window_slot, window_slots
+from contracts.sim import SUCCESS_RADIUS_M, Flight
 from navigation.shortest_path import NoWay, Route, VisibilityGraph
 
-CLEARANCES_M = (0.8, 1.3, 1.8, 2.4)
-"""Tried in turn until a flight proves the way free: balconies and eaves jut out of the footprint."""
+OWN_CLEARANCE_M = Flight().radius_m + ApproachSettings().clearance_m
+"""What the drone's centre keeps from a wall on its last metres: nobody flies nearer."""
+
+
+class Edition(NamedTuple):
+    """How a set's ways are measured. `clearances_m`: tried in turn until a flight proves the way free, for balconies
+    and eaves jut out of the footprint. `own_window`: a way ends only where no other window is nearer."""
+
+    clearances_m: tuple[float, ...]
+    own_window: bool
+
+
+FIRST = Edition((0.8, 1.3, 1.8, 2.4), own_window=False)
+"""Of vld-300, which stays as it is."""
+SECOND = Edition((OWN_CLEARANCE_M, 1.3, 1.8, 2.4), own_window=True)
 _INSIDE_M = 0.05
 _FAN_DEG = range(-60, 61, 5)
 
@@ -36,8 +50,8 @@ def goal_slot(scene: Scene) -> WindowSlot:
     return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
 
 
-def ways(scene: Scene) -> Iterator[ShortestWay]:
-    """The shortest way for each of CLEARANCES_M for which there is one, climbing evenly and climbing first.
+def ways(scene: Scene, edition: Edition) -> Iterator[ShortestWay]:
+    """The shortest way for each of the edition's clearances for which there is one, climbing evenly and climbing first.
 
     It ends at the height of the window's centre, at most 60 degrees aside of its normal and just inside the radius of
     success.
@@ -45,8 +59,10 @@ def ways(scene: Scene) -> Iterator[ShortestWay]:
     slot = goal_slot(scene)
     start = scene.start.position
     outlines = obstacles(scene, slot)
-    for clearance in CLEARANCES_M:
+    for clearance in edition.clearances_m:
         stops = stops_before(slot, clearance)
+        if edition.own_window:
+            stops = tuple(stop for stop in stops if _own(scene, slot, stop))
         graph = VisibilityGraph(outlines, clearance)
         # from the stops to the start: one search for all of them
         found = graph.routes(stops, (start.x, start.y))
@@ -79,6 +95,14 @@ def stops_before(slot: WindowSlot, clearance_m: float) -> tuple[tuple[float, flo
         if out >= clearance_m:
             stops.append((x, y))
     return tuple(stops)
+
+
+def _own(scene: Scene, slot: WindowSlot, stop: tuple[float, float]) -> bool:
+    """No other window's centre is nearer to that place, at the height of this one's."""
+    here = (*stop, slot.centre[2])
+    own_m = math.dist(here, slot.centre) + _INSIDE_M
+    others = (other for building in scene.buildings for other in window_slots(building) if other != slot)
+    return all(math.dist(here, other.centre) > own_m for other in others)
 
 
 def _ends_straight(route: Route) -> bool:

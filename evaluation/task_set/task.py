@@ -18,9 +18,9 @@ class Task(Wire):
 
     `target` is the goal window's centre (or the goal object's, where it stands free), metres ENU; `target_height_m` its
     height. `shortest_*` is the shortest collision-free way from the start to a place where the delivery would succeed.
-    `corners` counts the building's corners between the starting facade and the target's, the shorter way round;
-    `difficulty` follows from it.
-    """
+    `clearance_m` is what that way keeps from the walls, the drone's own where there is room; null in sets of the first
+    edition, which begin with 0.8 m. `corners` counts the building's corners between the starting facade and the
+    target's, the shorter way round; `difficulty` follows from it."""
 
     id: Name
     seed: int = Field(ge=0)
@@ -44,6 +44,7 @@ class Task(Wire):
     difficulty: Difficulty
     shortest_horizontal_m: Metres
     shortest_spatial_m: Metres
+    clearance_m: Metres | None = Field(default=None, exclude_if=lambda clearance: clearance is None)
 
     @property
     def content(self) -> str:

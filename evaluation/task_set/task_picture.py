@@ -15,7 +15,7 @@ from contracts.scene_layout import floor_outline
 from contracts.vehicle import Move
 from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.task_set.proof import NotSolvable, prove
-from evaluation.task_set.shortest import ShortestWay, goal_slot
+from evaluation.task_set.shortest import FIRST, SECOND, ShortestWay, goal_slot
 from evaluation.task_set.task import Task
 from service_kit.lettering import BOLD, draw_text, text_width, wrapped
 
@@ -30,7 +30,7 @@ _LOOK_OFF_M = 4.5
 def draw_task(task: Task, simulator: SimClient, path: Path) -> None:
     """Writes the PNG. Raises SimulatorFault, OSError."""
     try:
-        way = prove(task.scene, simulator).way
+        way = prove(task.scene, simulator, FIRST if task.clearance_m is None else SECOND).way
     except NotSolvable as error:
         raise SimulatorFault(f"{task.id} can't be flown in this simulator: {error}") from None
     sheet = np.full((_SIDE + 2 * _EDGE + _TEXT, 2 * _SIDE + 3 * _EDGE, 3), _PAPER, np.uint8)

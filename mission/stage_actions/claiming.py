@@ -1,6 +1,6 @@
 """The claim, and what becomes of it."""
 
-from contracts.sim import Verdict
+from contracts.sim import SUCCESS_ASIDE_DEG, Verdict
 from mission.stages import ClaimWindow, Ended
 from mission.step import Step
 
@@ -14,7 +14,7 @@ async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
     verdict = await step.timed("claim", step.context.placement.claim(name, stage.place))
     step.update(claimed=stage.place, verdict=verdict)
     if verdict is None:
-        return Ended(outcome="delivered_not_judged", message=NOT_JUDGED)
+        return Ended(outcome="stopped_not_judged", message=NOT_JUDGED)
     step.write(spoken_verdict(verdict), verdict)
     return _judged(verdict)
 
@@ -25,7 +25,9 @@ def _judged(verdict: Verdict) -> Ended:
     if verdict.collided:
         return Ended(outcome="collision", message="the drone collided on its way")
     if verdict.delivered:
-        return Ended(outcome="delivered" if verdict.judged else "delivered_not_judged", message=said)
+        return Ended(outcome="delivered", message=said)
+    if not verdict.judged and verdict.stops_well():
+        return Ended(outcome="stopped_not_judged", message=said)
     if verdict.right_window is False:
         return Ended(outcome="wrong_window", message=said)
     return Ended(outcome="not_in_front", message=said)
@@ -34,12 +36,17 @@ def _judged(verdict: Verdict) -> Ended:
 def spoken_verdict(verdict: Verdict) -> str:
     """The verdict in words."""
     if not verdict.judged:
-        return "stopped in front of a window; the scene names no goal to judge by"
+        place = "in front of a window" if verdict.stops_well() else "in front of no window"
+        return f"stopped {place}; the scene names no goal to judge by"
     where = f"{verdict.distance_m:.1f} m from the window's centre" if verdict.distance_m is not None else "off"
     if verdict.delivered:
         return f"in front of the right window, {where}"
     if verdict.right_window is False:
         return f"claimed a window that is not the customer's ({where} of that one)"
+    if verdict.nearest_window is False:
+        return f"the right window, but the drone stopped nearer to another one, {where}"
+    if verdict.aside_deg is not None and SUCCESS_ASIDE_DEG < verdict.aside_deg < 90.0:
+        return f"the right window, but seen from {verdict.aside_deg:.0f} degrees aside, {where}"
     sight = "in front of it" if verdict.in_front else "not in front of it"
     clear = "in clear sight" if verdict.line_of_sight else "without a clear line of sight"
     return f"the right window, but {where}, {sight}, {clear}"

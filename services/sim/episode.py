@@ -42,6 +42,8 @@ class LiveEpisode:
         self.faults = question.faults
         self.seeds = (ready.scene.seed, question.seed)
         self.observations = 0
+        self.steps = 0
+        self._looked_at: Pose | None = None
         self._renderer: Renderer = renderer
         self._renderer_detail = renderer_detail
         self._moves = 0
@@ -93,6 +95,12 @@ class LiveEpisode:
             if fault.kind == "pose_jump" and fault.first_look == number:
                 self.drone.jump(fault.jump_m)
         return self.drone.state(self.id, self._moves, number)
+
+    def looked(self, number: int, pose: Pose) -> None:
+        """Look `number` was taken at this true pose. Looks at one pose are one stop."""
+        self.observations = number
+        self.steps += pose != self._looked_at
+        self._looked_at = pose
 
     def has(self, fault: FaultKind, look: int) -> bool:
         """Whether that fault was asked for at that look."""
@@ -206,8 +214,7 @@ class LiveEpisode:
             drone, scene = self.drone, self.ready.scene
             place = drone.true(claim.target) if claim.target else None
             target = (place.x, place.y, place.z) if place else None
-            found = judge(scene, self.ready.things, self._world, drone.pose, drone.collided, target)
-            self._verdict = Verdict(**found._asdict(), collided=drone.collided)
+            self._verdict = judge(scene, self.ready.things, self._world, drone.pose, drone.collided, target, self.steps)
         return self._verdict
 
     def _finish(self, flown: Flown, *, share: float, cancelled: bool) -> None:

@@ -1,5 +1,5 @@
-"""Was the parcel brought? The design's success: the right window, within 3 m of its centre, in front of it, in clear
-sight, and never a collision.
+"""Was the parcel brought? The right window, within 3 m of its centre, nearer to it than to any other, within 60 degrees
+of its normal, in clear sight, and never a collision.
 
 Pure: what lies on a line of sight is asked of a `Sight`, which the physics world is.
 """
@@ -11,13 +11,14 @@ from typing import NamedTuple, Protocol
 from contracts.geometry import Pose
 from contracts.scene import Scene, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, window_slot, window_slots
-from contracts.sim import SUCCESS_RADIUS_M
+from contracts.sim import Verdict
 from services.sim.kinematics import Vector
 from services.sim.world import Hit
 
 ON_THE_OBJECT_M = 0.75
 """A claimed place this near to the goal object's middle means the object, whatever window it hangs closer to."""
 _BEFORE_THE_PANE_M = 0.03
+_AS_NEAR_M = 1e-6
 
 
 class Sight(Protocol):
@@ -33,43 +34,44 @@ class Thing(NamedTuple):
     middle: Vector
 
 
-class Judgement(NamedTuple):
-    """The fields of `contracts.sim.Verdict` that are found out here."""
+class Stop(NamedTuple):
+    """How the drone stands to a window: the fields of `contracts.sim.Verdict` of these names."""
 
-    judged: bool
-    delivered: bool
-    right_window: bool | None
     distance_m: float | None
     in_front: bool
     line_of_sight: bool
+    nearest_window: bool | None
+    aside_deg: float | None
+
+
+_NOWHERE = Stop(None, False, False, None, None)
+"""In a scene without windows."""
 
 
 def judge(
-    scene: Scene, things: dict[str, Thing], sight: Sight, pose: Pose, collided: bool, target: Vector | None
-) -> Judgement:
+    scene: Scene, things: dict[str, Thing], sight: Sight, pose: Pose, collided: bool, target: Vector | None, steps: int
+) -> Verdict:
     """Judges a claim made at `pose` for the object believed to be at `target` (null: judged by the stop alone).
 
-    things: every object of the scene by its id. For a goal on the ground the object itself takes the window's place.
+    things: every object of the scene by its id. For a goal on the ground the object itself takes the window's place:
+    there is no other window to be nearer to, and no normal.
     """
     here: Vector = (pose.x, pose.y, pose.z)
     claimed = target or here
     goal = next((o for o in scene.objects if o.id == scene.goal), None)
     if goal is None:
         slot = nearest_window(scene, claimed)
-        if slot is None:
-            return Judgement(False, False, None, None, False, False)
-        return _at_window(slot, sight, here, collided, None, None)
+        stop = _NOWHERE if slot is None else _at_window(scene, slot, sight, here, None)
+        return _verdict(stop, None, collided, steps)
     thing = things[goal.id]
     if isinstance(goal.place, WindowPlace):
         slot = window_of(scene, goal.place)
         right = nearest_window(scene, claimed) == slot or math.dist(claimed, thing.middle) <= ON_THE_OBJECT_M
-        return _at_window(slot, sight, here, collided, thing, right)
+        return _verdict(_at_window(scene, slot, sight, here, thing), right, collided, steps)
     nearest = min(things, key=lambda name: math.dist(things[name].middle, claimed))
-    distance_m = math.dist(here, thing.middle)
     seen = _free(sight, here, [thing.middle], thing.part)[0]
-    right = nearest == goal.id
-    delivered = right and distance_m <= SUCCESS_RADIUS_M and seen and not collided
-    return Judgement(True, delivered, right, distance_m, True, seen)
+    stop = Stop(math.dist(here, thing.middle), True, seen, None, None)
+    return _verdict(stop, nearest == goal.id, collided, steps)
 
 
 def window_of(scene: Scene, place: WindowPlace) -> WindowSlot:
@@ -108,15 +110,36 @@ def nearest_window(scene: Scene, point: Vector) -> WindowSlot | None:
     return found
 
 
-def _at_window(
-    slot: WindowSlot, sight: Sight, here: Vector, collided: bool, thing: Thing | None, right: bool | None
-) -> Judgement:
+def nearer_window(scene: Scene, slot: WindowSlot, point: Vector) -> bool:
+    """Whether the centre of any other window of the scene is nearer to a place than this one's."""
+    own_m = math.dist(point, slot.centre)
+    return any(
+        math.dist(point, other.centre) < own_m - _AS_NEAR_M
+        for building in scene.buildings
+        for other in window_slots(building)
+        if other != slot
+    )
+
+
+def _at_window(scene: Scene, slot: WindowSlot, sight: Sight, here: Vector, thing: Thing | None) -> Stop:
     distance_m = math.dist(here, slot.centre)
     out = (here[0] - slot.centre[0]) * slot.normal[0] + (here[1] - slot.centre[1]) * slot.normal[1]
-    in_front = out > 0.0
-    seen = in_front and _sees(slot, sight, here, thing)
-    delivered = right is not False and distance_m <= SUCCESS_RADIUS_M and in_front and seen and not collided
-    return Judgement(right is not None, delivered, right, distance_m, in_front, seen)
+    aside_deg = math.degrees(math.acos(max(-1.0, min(1.0, out / distance_m)))) if distance_m else 0.0
+    seen = out > 0.0 and _sees(slot, sight, here, thing)
+    return Stop(distance_m, out > 0.0, seen, not nearer_window(scene, slot, here), aside_deg)
+
+
+def _verdict(stop: Stop, right: bool | None, collided: bool, steps: int) -> Verdict:
+    """`right`: null where nobody knows which window is meant."""
+    found = Verdict(
+        judged=right is not None,
+        delivered=False,
+        right_window=right,
+        collided=collided,
+        steps=steps,
+        **stop._asdict(),
+    )
+    return found.model_copy(update={"delivered": right is True and found.stops_well()})
 
 
 def _sees(slot: WindowSlot, sight: Sight, here: Vector, thing: Thing | None) -> bool:

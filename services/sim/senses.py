@@ -65,7 +65,7 @@ class Senses:
             self._frozen = await self._taken(episode.rig.cameras, number, pose, state.time_s, depth=True)
         taken = self._frozen or await self._taken(chosen, number, pose, state.time_s, depth=depth)
         by_name = {view.camera.name: view if depth else view.model_copy(update={"depth": None}) for view in taken.views}
-        episode.observations = number
+        episode.looked(number, pose)
         return Observation(
             vehicle=episode.id,
             number=number,

@@ -65,5 +65,5 @@ async def test_what_nobody_judged_is_not_shown_as_delivered(tmp_path: Path) -> N
     result = read_delivery(run.record.folder).result
     assert result is not None
     console = Console(record=True, width=100, file=io.StringIO())
-    print_result(console, result.model_copy(update={"outcome": "delivered_not_judged"}), "runs/x")
-    assert console.export_text().startswith("DELIVERED NOT JUDGED")
+    print_result(console, result.model_copy(update={"outcome": "stopped_not_judged"}), "runs/x")
+    assert console.export_text().startswith("STOPPED NOT JUDGED")

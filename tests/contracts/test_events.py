@@ -23,6 +23,7 @@ from contracts.events import (
     schema_text,
 )
 from contracts.geometry import Point3, Pose
+from contracts.orchestrator import DeliveryResult
 
 ROOT = Path(__file__).parents[2]
 FIRST_VERSION = ROOT / "tests" / "data" / "records" / "events-0.1.jsonl"
@@ -138,3 +139,10 @@ def test_the_schema_lets_a_reader_tell_the_kinds_apart_and_allows_fields_of_newe
     kinds = set(schema["discriminator"]["mapping"])
     assert kinds == {known.model_fields["kind"].default for known in get_args(KnownEvent)}
     assert '"additionalProperties": false' not in schema_text()
+
+
+def test_a_result_of_version_0_2_that_nobody_judged_is_read_as_a_stop() -> None:
+    told = {"outcome": "delivered_not_judged", "message": "", "steps": 1, "exploration_steps": 0, "renderer": None}
+    told |= dict.fromkeys(("path_m", "path_horizontal_m", "flight_s"), 0.0) | {"timings_s": {}, "model_calls": {}}
+    told |= dict.fromkeys(("floor", "object", "final_height_m", "pose", "verdict"))
+    assert DeliveryResult.model_validate(told).outcome == "stopped_not_judged"

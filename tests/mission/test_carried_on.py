@@ -122,11 +122,11 @@ async def test_a_state_of_another_version_is_refused() -> None:
         MissionState.model_validate(begin(REQUEST).model_dump() | {"version": 2})
 
 
-async def test_without_a_judge_the_mission_ends_as_delivered_not_judged() -> None:
+async def test_without_a_judge_the_mission_ends_as_stopped_not_judged() -> None:
     world = BlockWorld(BEHIND)
     vehicle = await world.begin(EpisodeQuestion(scene=block_scene(BEHIND), rig=RIG, key="m"))
     result = await Mission(block_ports(world), OwnVehicle(vehicle), MissionSettings(), Numbered()).fly(REQUEST)
-    assert result.outcome == "delivered_not_judged"
+    assert result.outcome == "stopped_not_judged"
     assert "nobody judges" in result.message
     assert result.verdict is None
     assert vehicle.released
@@ -138,7 +138,7 @@ async def test_a_vehicle_on_the_ground_takes_off_first() -> None:
     await vehicle.land()
     settings = MissionSettings(take_off_height_m=2.0)
     result = await Mission(block_ports(world), OwnVehicle(vehicle), settings, Numbered()).fly(REQUEST)
-    assert result.outcome == "delivered_not_judged"
+    assert result.outcome == "stopped_not_judged"
 
 
 def test_the_diagram_has_every_stage_and_no_other() -> None:
@@ -173,13 +173,15 @@ class NamesNoGoal(BlockWorld):
     """A trial in a scene without a goal: it checks the stop, and judges nothing."""
 
     async def claim(self, vehicle: str, target: Point3 | None) -> Verdict:
-        return (await super().claim(vehicle, target)).model_copy(update={"judged": False, "right_window": None})
+        return (await super().claim(vehicle, target)).model_copy(
+            update={"judged": False, "delivered": False, "right_window": None}
+        )
 
 
 async def test_in_a_scene_without_a_goal_nothing_says_delivered_unmarked() -> None:
     world, log = NamesNoGoal(BEHIND), Numbered()
     result = await Mission(block_ports(world), block_placement(world), MissionSettings(), log).fly(REQUEST)
-    assert result.outcome == "delivered_not_judged"
+    assert result.outcome == "stopped_not_judged"
     assert "names no goal" in result.message
     assert log.told[-1] == ("claim", result.message)
 

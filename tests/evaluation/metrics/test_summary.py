@@ -82,9 +82,9 @@ def test_two_runs_are_compared_on_the_tasks_that_both_flew() -> None:
     assert found.success_p == pytest.approx(2 / 1024)
     assert found.success.mean == pytest.approx(10 / 12)
     # each success has SPL 10/20
-    assert found.spl.mean == pytest.approx(5 / 12)
-    assert found.spl.low is not None
-    assert found.spl.low > 0.0
+    assert found.horizontal_spl.mean == pytest.approx(5 / 12)
+    assert found.horizontal_spl.low is not None
+    assert found.horizontal_spl.low > 0.0
 
 
 def test_a_task_at_which_the_infrastructure_failed_is_not_compared() -> None:
@@ -97,10 +97,10 @@ def test_a_task_at_which_the_infrastructure_failed_is_not_compared() -> None:
 def test_a_handful_of_tasks_gives_a_difference_but_no_interval() -> None:
     found = compare(TASKS, RECORDS, RECORDS)
     assert found.tasks == 3
-    assert found.spl.mean == 0.0
-    assert (found.spl.low, found.spl.high, found.spl_p) == (None, None, None)
+    assert found.horizontal_spl.mean == 0.0
+    assert (found.horizontal_spl.low, found.horizontal_spl.high, found.horizontal_spl_p) == (None, None, None)
 
 
 def test_runs_without_a_task_in_common_tell_nothing() -> None:
     found = compare(TASKS, RECORDS[:1], RECORDS[1:2])
-    assert (found.tasks, found.success_p, found.success.mean, found.spl_p) == (0, 1.0, None, None)
+    assert (found.tasks, found.success_p, found.success.mean, found.horizontal_spl_p) == (0, 1.0, None, None)

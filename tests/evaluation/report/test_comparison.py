@@ -58,7 +58,7 @@ def test_a_gain_over_the_first_is_positive(tmp_path: Path) -> None:
     test = json.loads(shown.stdout)["arms"][1]["against_first"]
     assert (test["only_run"], test["only_baseline"]) == (11, 0)
     assert test["success_p"] == pytest.approx(2 / 2**11)
-    assert test["spl"]["low"] > 0
+    assert test["horizontal_spl"]["low"] > 0
 
 
 def test_a_pair_has_the_same_signs_in_compare_and_in_the_report(tmp_path: Path) -> None:
@@ -68,19 +68,19 @@ def test_a_pair_has_the_same_signs_in_compare_and_in_the_report(tmp_path: Path) 
     page = build_page(load_runs([worse, better]))
     line = page[page.index('id="compared"') :].split("<tr>")[2].partition("</tr>")[0]
     assert gained["success"]["mean"] > 0
-    assert gained["spl"]["mean"] > 0
-    spl = cells[HEADS.index("SPL gained")]
+    assert gained["horizontal_spl"]["mean"] > 0
+    spl = cells[HEADS.index("horizontal SPL gained")]
     assert spl.startswith("+")
     assert spl in line
     assert line.index("key r1") < line.index("key r0")
     lost = json.loads(asked(better, worse, "--json").stdout)["arms"][1]["against_first"]
-    assert lost["spl"]["mean"] == -gained["spl"]["mean"]
+    assert lost["horizontal_spl"]["mean"] == -gained["horizontal_spl"]["mean"]
 
 
 def test_success_has_one_test_and_its_difference_an_interval(arms: list[Path]) -> None:
     test = json.loads(asked(*arms, "--json").stdout)["arms"][1]["against_first"]
     assert set(test["success"]) == {"mean", "low", "high"}
-    assert (test["success_p"], 0.0 <= test["spl_p"] <= 1.0) == (1.0, True)
+    assert (test["success_p"], 0.0 <= test["horizontal_spl_p"] <= 1.0) == (1.0, True)
 
 
 def named(prefix: str) -> list[Task]:
@@ -139,7 +139,7 @@ def test_each_kind_of_task_stands_apart(tmp_path: Path) -> None:
     run = a_run(tmp_path / "a", tasks, records)
     low, high = json.loads(asked(run, "--by", "floor", "--json").stdout)["runs"][0]["groups"].items()
     assert [(name, g["success"]["k"], g["success"]["n"]) for name, g in (low, high)] == [("1-3", 3, 4), ("4-6", 0, 2)]
-    assert low[1]["spl"] > high[1]["spl"] == 0.0
+    assert low[1]["spl"]["horizontal"] > high[1]["spl"]["horizontal"] == 0.0
     lines = asked(run, run, "--by", "floor", "--markdown").stdout.splitlines()
     assert len(lines) == 4
     assert lines[2].startswith("| 1-3 | 3/4 75.0 %")

@@ -11,7 +11,7 @@ from evaluation.sim_client import SimClient, own_simulator
 from evaluation.task_set.generate import MAX_TASKS, make_task, wanted_tasks
 from evaluation.task_set.proof import NotSolvable, prove
 from evaluation.task_set.requests import Fill, filled, in_words, ordinal, templates
-from evaluation.task_set.shortest import CLEARANCES_M, ways
+from evaluation.task_set.shortest import FIRST, OWN_CLEARANCE_M, SECOND, ways
 from evaluation.task_set.task_counts import count_tasks
 from evaluation.task_set.task_files import TaskSet, load
 from tests.evaluation.evaluation_kit import a_task
@@ -79,7 +79,7 @@ def test_the_generator_makes_the_shipped_tasks_again(shipped: TaskSet, simulator
 
 def test_a_delivery_that_cannot_be_made_is_not_proved(simulator: SimClient) -> None:
     task = a_task()
-    assert prove(task.scene, simulator).way.clearance_m == CLEARANCES_M[0]
+    assert prove(task.scene, simulator, SECOND).way.clearance_m == OWN_CLEARANCE_M
     goal = task.scene.objects[0]
     hidden = task.scene.model_copy(update={"objects": (goal.model_copy(update={"scale": 0.5}),)})
     wall = next(b for b in task.scene.buildings if b.id == "neighbour")
@@ -88,14 +88,14 @@ def test_a_delivery_that_cannot_be_made_is_not_proved(simulator: SimClient) -> N
     )
     shut = hidden.model_copy(update={"buildings": (task.scene.buildings[0], moved)})
     with pytest.raises(NotSolvable):
-        prove(shut, simulator)
+        prove(shut, simulator, SECOND)
 
 
 def test_the_shortest_way_round_a_corner_is_known_by_hand() -> None:
-    straight = next(iter(ways(a_task().scene)))
+    straight = next(iter(ways(a_task().scene, SECOND)))
     # 9 m before the wall at x 10, the middle window at x 10, success from 3 m on
     assert straight.horizontal_m == pytest.approx(9.0 - 2.95, abs=0.3)
-    lengths = [way.horizontal_m for way in ways(a_task(facade=1).scene)]
+    lengths = [way.horizontal_m for way in ways(a_task(facade=1).scene, FIRST)]
     assert lengths == sorted(lengths)
     assert lengths[0] > straight.horizontal_m + 10.0
 

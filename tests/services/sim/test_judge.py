@@ -5,7 +5,8 @@ import pytest
 from contracts.geometry import Point2, Point3, Pose
 from contracts.scene import Building, FreePlace, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import window_slot
-from services.sim.judge import Judgement, Thing, goal_window, judge, nearest_window
+from contracts.sim import Verdict
+from services.sim.judge import Thing, goal_window, judge, nearest_window
 from services.sim.kinematics import Vector
 from services.sim.world import Hit
 
@@ -65,9 +66,9 @@ def judged(
     sight: OpenAir | Behind | None = None,
     collided: bool = False,
     world: Scene | None = None,
-) -> Judgement:
+) -> Verdict:
     things = {"pot": POT, "hydrant": HYDRANT}
-    return judge(world or scene(), things, sight or OpenAir(), Pose(x=x, y=y, z=z, yaw=1.57), collided, target)
+    return judge(world or scene(), things, sight or OpenAir(), Pose(x=x, y=y, z=z, yaw=1.57), collided, target, 4)
 
 
 # the goal's window: facade 0, floor 3, column 1: centre (0, -5, 6 + 0.9 + 0.75)
@@ -76,7 +77,18 @@ CENTRE_Z = 7.65
 
 def test_a_stop_before_the_right_window_is_a_delivery() -> None:
     verdict = judged(0.0, -7.0, CENTRE_Z)
-    assert verdict == Judgement(True, True, True, pytest.approx(2.0), True, True)
+    assert verdict == Verdict(
+        judged=True,
+        delivered=True,
+        right_window=True,
+        distance_m=2.0,
+        in_front=True,
+        line_of_sight=True,
+        collided=False,
+        nearest_window=True,
+        aside_deg=0.0,
+        steps=4,
+    )
 
 
 def test_just_beyond_three_metres_is_no_delivery() -> None:
@@ -94,9 +106,38 @@ def test_the_neighbouring_window_is_the_wrong_one(x: float, z: float) -> None:
 
 
 def test_the_claimed_place_counts_and_not_where_the_drone_stopped() -> None:
-    # the stop is before column 2, the claim is for something in column 1
-    assert judged(1.6, -7.0, CENTRE_Z, target=(0.3, -5.2, 7.2)).delivered
+    # the stop is nearly before column 2, the claim is for something in column 1
+    assert judged(1.4, -7.0, CENTRE_Z, target=(0.3, -5.2, 7.2)).delivered
     assert judged(1.4, -7.0, CENTRE_Z, target=(2.9, -5.2, 7.2)).right_window is False
+
+
+@pytest.mark.parametrize(("dx", "dz"), [(-2.9, 0.0), (1.6, 0.0), (0.0, 2.9), (0.0, -1.6), (-2.0, 2.0)])
+@pytest.mark.parametrize("out", [0.6, 1.5])
+def test_a_stop_nearer_to_another_window_is_no_delivery_whatever_is_claimed(dx: float, dz: float, out: float) -> None:
+    verdict = judged(dx, -5.0 - out, CENTRE_Z + dz, target=(0.0, -5.0, CENTRE_Z))
+    assert verdict.right_window
+    assert verdict.nearest_window is False
+    assert not verdict.delivered
+
+
+def test_a_window_of_another_building_may_be_the_nearest() -> None:
+    corners = ((-5, -16), (5, -16), (5, -8), (-5, -8))
+    across = Building(id="across", kind="low_rise", footprint=tuple(Point2(x=x, y=y) for x, y in corners), floors=4)
+    alley = scene().model_copy(update={"buildings": (*scene().buildings, across)})
+    target = (0.0, -5.0, CENTRE_Z)
+    assert judged(0.0, -6.4, CENTRE_Z, target=target, world=alley).delivered
+    beyond = judged(0.0, -6.6, CENTRE_Z, target=target, world=alley)
+    assert (beyond.nearest_window, beyond.delivered) == (False, False)
+
+
+def test_a_stop_more_than_sixty_degrees_off_the_normal_is_no_delivery() -> None:
+    target = (0.0, -5.0, CENTRE_Z)
+    near = judged(1.0, -5.0 - 0.6, CENTRE_Z, target=target)
+    assert near.aside_deg == pytest.approx(59.04, abs=0.01)
+    assert near.delivered
+    flat = judged(1.0, -5.0 - 0.5, CENTRE_Z, target=target)
+    assert flat.aside_deg == pytest.approx(63.43, abs=0.01)
+    assert (flat.nearest_window, flat.in_front, flat.delivered) == (True, True, False)
 
 
 def test_a_place_on_the_balconys_floor_belongs_to_its_own_floor() -> None:
@@ -109,7 +150,13 @@ def test_a_place_on_the_balconys_floor_belongs_to_its_own_floor() -> None:
 def test_a_place_on_the_object_itself_is_right_though_a_neighbours_wall_is_nearer() -> None:
     wide = Thing(7, (1.4, -5.1, 7.6))
     verdict = judge(
-        scene(), {"pot": wide, "hydrant": HYDRANT}, OpenAir(), Pose(x=1.4, y=-7, z=7.6, yaw=0), False, (1.7, -5.1, 7.6)
+        scene(),
+        {"pot": wide, "hydrant": HYDRANT},
+        OpenAir(),
+        Pose(x=1.4, y=-7, z=7.6, yaw=0),
+        False,
+        (1.7, -5.1, 7.6),
+        1,
     )
     assert verdict.right_window
 
@@ -157,8 +204,9 @@ def test_without_a_goal_only_the_stop_is_checked() -> None:
     verdict = judged(0.0, -7.0, CENTRE_Z, world=scene(goal=None))
     assert not verdict.judged
     assert verdict.right_window is None
-    assert verdict.delivered
-    assert not judged(0.0, -9.0, CENTRE_Z, world=scene(goal=None)).delivered
+    assert verdict.stops_well()
+    assert not verdict.delivered
+    assert not judged(0.0, -9.0, CENTRE_Z, world=scene(goal=None)).stops_well()
 
 
 def test_the_goals_window_is_where_its_object_stands() -> None:
