@@ -152,12 +152,41 @@ class Ground(Wire):
 
 
 class Light(Wire):
-    """`sun_azimuth` in radians counter-clockwise from east, `sun_elevation` above the horizon."""
+    """`sun_azimuth` in radians counter-clockwise from east, `sun_elevation` above the horizon; by night it is the
+    moon's. `lit_windows`: the share of windows with light behind them; where there is any, and by night, street lamps
+    burn."""
 
     sun_azimuth: Radians = 0.9
     sun_elevation: float = Field(default=0.8, ge=0.05, le=1.57)
-    sky: Literal["clear", "cloudy", "overcast", "dusk"] = "clear"
+    sky: Literal["clear", "cloudy", "overcast", "dusk", "night"] = "clear"
     exposure: float = Field(default=1.0, ge=0.3, le=2.0)
+    lit_windows: float = Field(default=0.0, ge=0.0, le=1.0, exclude_if=lambda share: share == 0.0)
+
+    @property
+    def lamps_burn(self) -> bool:
+        return self.sky == "night" or self.lit_windows > 0.0
+
+
+class Wind(Wire):
+    """`speed_m_s` on the mean, blowing `towards` (radians counter-clockwise from east), with gusts whose standard
+    deviation is `gusts_m_s` in each direction of the plan, half of that upwards and downwards."""
+
+    speed_m_s: float = Field(default=0.0, ge=0.0, le=30.0)
+    towards: Radians = 0.0
+    gusts_m_s: float = Field(default=0.0, ge=0.0, le=15.0)
+
+
+class Air(Wire):
+    """Weather. `visibility_m`: at which fog leaves 5 % of a contrast (the meteorological optical range); null: no fog.
+    Only a drone that flies by dynamics feels the wind (`contracts.sim.Flight.model`)."""
+
+    visibility_m: float | None = Field(default=None, ge=10.0, le=100_000.0)
+    rain_mm_h: float = Field(default=0.0, ge=0.0, le=150.0)
+    wind: Wind = Wind()
+
+
+CALM = Air()
+"""Dry, clear and still."""
 
 
 class Start(Wire):
@@ -181,6 +210,7 @@ class Scene(Wire):
     goal: Name | None = None
     ground: Ground = Ground()
     light: Light = Light()
+    air: Air = Field(default=CALM, exclude_if=lambda air: air == CALM)
     start: Start
     sensors: Name | None = Field(default=None, exclude_if=lambda name: name is None)
 

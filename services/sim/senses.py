@@ -48,7 +48,7 @@ class Senses:
         self._workers = workers
         self._labelled = labelled
         self._labels: _Labels | None = None
-        self._sensor = SensorSuite(episode.sensors, episode.seeds)
+        self._sensor = SensorSuite(episode.sensors, episode.seeds, episode.ready.scene.air)
         self._frozen: _Taken | None = None
 
     async def look(self, cameras: Sequence[str] | None, depth: bool) -> Observation:

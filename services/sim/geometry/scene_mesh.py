@@ -7,14 +7,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from contracts.scene import Light, Scene
+from contracts.scene import CALM, Air, Light, Scene
 from services.sim.geometry.buildings import build_building
 from services.sim.geometry.entrances import toward_start
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.occluders import occluders
 from services.sim.geometry.parts import Assembly, Chunk, Part, PartKind, Solid
 from services.sim.geometry.placing import keeps_sill, placed
-from services.sim.geometry.street import build_surroundings
+from services.sim.geometry.street import LAMP_M, LAMP_REACH_M, build_surroundings
 from services.sim.geometry.textures import TextureSet
 
 __all__ = [
@@ -45,7 +45,8 @@ class UnknownObject(ValueError):
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
     """The whole scene. `part_of` (N,) gives each vertex the id of its part; shadows are sharpest about `focus`.
-    `occluders` as in `geometry.occluders`."""
+    `occluders` as in `geometry.occluders`. `lamps` (K, 3): where street lamps give light after dark; `seed`: of which
+    windows are lit then."""
 
     mesh: Mesh
     part_of: NDArray[np.uint16]
@@ -56,6 +57,9 @@ class SceneMesh:
     light: Light
     focus: tuple[float, float, float]
     occluders: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 5)))
+    air: Air = CALM
+    lamps: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    seed: int = 0
 
     def part(self, kind: PartKind, name: str) -> Part:
         """Raises KeyError."""
@@ -109,4 +113,7 @@ def build_scene_mesh(scene: Scene, build_object: ObjectBuilder, textures: Textur
         scene.light,
         (float(middle[0]), float(middle[1]), target.floors * target.floor_height_m / 3),
         occluders(scene),
+        scene.air,
+        np.array([(lamp.x, lamp.y + LAMP_REACH_M, LAMP_M) for lamp in scene.ground.lamps], np.float64).reshape(-1, 3),
+        scene.seed,
     )

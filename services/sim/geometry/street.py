@@ -23,6 +23,8 @@ from services.sim.geometry.textures import TextureSet
 from services.sim.geometry.tubes import rod
 
 KERB_M = 0.12
+LAMP_REACH_M, LAMP_M = 0.95, 5.05
+"""How far north of its foot, and how high, a street lamp's light is."""
 PIECE_M = 16.0
 _SURFACES: dict[str, str] = {"grass": "#ffffff", "paving": "#c2bdb4", "asphalt": "#d8d8d8", "gravel": "#c9bfac"}
 

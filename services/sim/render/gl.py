@@ -16,7 +16,8 @@ from services.sim.render import shaders
 from services.sim.render.culling import Seen
 from services.sim.render.gl_matrices import SKY_SLOPES, clip_matrix, rays, set_matrix, sky_drum, sun_matrix
 from services.sim.render.gl_scene import SHADOW_SIZE, GlScene
-from services.sim.render.light import WEATHER, fill_direction, sun_direction
+from services.sim.render.gl_weather import THICK_M, is_weathered, set_weather
+from services.sim.render.light import WEATHER, airlight, extinction_per_m, fill_direction, sun_direction
 from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
 
 _ROWS_AT_ONCE = 8192
@@ -44,7 +45,13 @@ class GlRenderer:
             "shadow": self._gl.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT),
             "panorama": self._gl.program(shaders.PANORAMA_VERTEX, shaders.PANORAMA_FRAGMENT),
             "sky": self._gl.program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT),
-            "labelled": self._gl.program(shaders.LABELLED_VERTEX, shaders.LABELLED_FRAGMENT),
+            "labelled": self._gl.program(
+                shaders.labelled_vertex(shaders.SCENE_VERTEX), shaders.labelled_fragment(shaders.SCENE_FRAGMENT)
+            ),
+            "weathered": self._gl.program(shaders.WEATHERED_VERTEX, shaders.WEATHERED_FRAGMENT),
+            "labelled_weathered": self._gl.program(
+                shaders.labelled_vertex(shaders.WEATHERED_VERTEX), shaders.labelled_fragment(shaders.WEATHERED_FRAGMENT)
+            ),
             "labelled_sky": self._gl.program(shaders.SKY_VERTEX, shaders.LABELLED_SKY_FRAGMENT),
             "dome": self._gl.program(shaders.DOME_VERTEX, shaders.DOME_FRAGMENT),
             "labelled_dome": self._gl.program(shaders.DOME_VERTEX, shaders.LABELLED_DOME_FRAGMENT),
@@ -66,7 +73,10 @@ class GlRenderer:
 
     def upload(self, scene: SceneMesh) -> GlScene:
         """Copies the scene into the renderer and draws its shadows and its sky once."""
-        uploaded = GlScene(self._gl, self._programs, scene, self._texture_array(scene.textures))
+        programs = self._programs
+        if is_weathered(scene):
+            programs = programs | {"scene": programs["weathered"], "labelled": programs["labelled_weathered"]}
+        uploaded = GlScene(self._gl, programs, scene, self._texture_array(scene.textures))
         self._draw_shadows(uploaded)
         self._draw_panorama(uploaded)
         return uploaded
@@ -170,8 +180,9 @@ class GlRenderer:
         target.use()
         target.viewport = (0, 0, width, height * len(cameras))
         target.clear()
+        program = uploaded.programs[what]
         if what in self._skies:
-            self._set_light(uploaded, self._programs[what], self._skies[what].program)
+            self._set_light(uploaded, program, self._skies[what].program)
         vertices = {"scene": uploaded.views, "labelled": uploaded.labelled, "ids": uploaded.ids}[what]
         seen: dict[bytes, Seen] = {}  # mostly all cameras are in one place
         for i, camera in enumerate(cameras):
@@ -183,7 +194,9 @@ class GlRenderer:
             # rows leave the card bottom first; the picture is drawn upside down instead, which turns the faces round
             self._gl.front_face = "cw"
             self._gl.depth_func = "<"
-            set_matrix(self._programs[what], "to_clip", clip_matrix(axes, eye, camera))
+            set_matrix(program, "to_clip", clip_matrix(axes, eye, camera))
+            if "eye" in program:
+                program["eye"] = tuple(eye)
             faces = seen[eye.tobytes()].towards(axes, camera)
             if len(faces):
                 uploaded.chosen.write(faces.data)
@@ -219,6 +232,8 @@ class GlRenderer:
             scene[name] = tuple(gain * v for v in value)
         scene["haze"], scene["haze_per_m"] = weather.haze, weather.haze_per_m
         scene["pane_layers"] = uploaded.scene.textures.pane_layers
+        if is_weathered(uploaded.scene):
+            set_weather(scene, uploaded.scene)
 
     def _draw_panorama(self, uploaded: GlScene) -> None:
         self._set_sky(uploaded, self._programs["panorama"])
@@ -234,6 +249,8 @@ class GlRenderer:
             program[name] = getattr(WEATHER[light.sky], name)
         program["sun"] = tuple(sun_direction(light))
         program["cloud_layer"] = float(uploaded.scene.textures.layer("clouds"))
+        program["airlight"] = airlight(light)
+        program["thickness"] = extinction_per_m(uploaded.scene.air) * THICK_M
         program["slopes"], program["surface"] = SKY_SLOPES, 0
         uploaded.textures.use(0)
 

@@ -43,6 +43,7 @@ class GlScene:
         vertices["layer"] = mesh.layer
         vertices["part"] = scene.part_of
         self.scene = scene
+        self.programs = programs
         self.textures = textures
         self.culler = Culler(scene)
         self._vertices = context.buffer(vertices.tobytes())

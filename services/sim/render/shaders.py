@@ -1,5 +1,9 @@
 """The GLSL programs. Colours are squared on the way in and rooted on the way out: light adds up in linear space."""
 
+from services.sim.render.light import MOST_LAMPS
+
+MOST_PANES = 32
+
 SCENE_VERTEX = """
 #version 430
 uniform mat4 to_clip;
@@ -60,16 +64,57 @@ void main() {
 }
 """
 
-# the same pictures, and the part seen in each pixel beside them
-LABELLED_VERTEX = (
-    SCENE_VERTEX.replace("in uint in_layer;", "in uint in_layer;\nin uint in_part;\nflat out uint part;")
-).replace("    layer = ", "    part = in_part;\n    layer = ")
+# after dark, in fog and rain: windows and street lamps give light, and air between eye and thing takes it away
+WEATHERED_VERTEX = SCENE_VERTEX.replace(
+    "out vec3 sun_place;", "out vec3 sun_place;\nout vec3 place;\nout vec3 facing;"
+).replace("    sun_place = ", "    place = in_position;\n    facing = normal;\n    sun_place = ")
 
-LABELLED_FRAGMENT = (
-    SCENE_FRAGMENT.replace("flat in float layer;", "flat in float layer;\nflat in uint part;")
-    .replace("out uint depth_units;", "out uint depth_units;\nlayout(location = 2) out uint ids;")
-    .replace("    vec3 t = ", "    ids = part;\n    vec3 t = ")
+WEATHERED_FRAGMENT = (
+    SCENE_FRAGMENT.replace(
+        "uniform vec2 pane_layers;",
+        """uniform vec2 pane_layers;
+uniform vec3 eye;
+uniform int lamp_count;
+uniform vec3 lamps[MOST_LAMPS];
+uniform vec3 lamp_light;
+uniform vec3 window_light[MOST_PANES];
+in vec3 place;
+in vec3 facing;""",
+    )
+    .replace(
+        "    float h = min(depth * haze_per_m, 0.75);",
+        """    vec3 lamplight = vec3(0.0);
+    for (int i = 0; i < lamp_count; i++) {
+        vec3 way = lamps[i] - place;
+        float squared = dot(way, way);
+        lamplight += max(dot(facing, way), 0.0) / (squared * sqrt(squared) + 0.5) * lamp_light;
+    }
+    c += t * t * albedo * lamplight;
+    if (layer >= pane_layers.x && layer <= pane_layers.y)
+        c += t * t * window_light[int(layer - pane_layers.x + 0.5)];
+    c = min(c, vec3(1.0));
+    float h = 1.0 - exp(-length(place - eye) * haze_per_m);""",
+    )
+    .replace("MOST_LAMPS", str(MOST_LAMPS))
+    .replace("MOST_PANES", str(MOST_PANES))
 )
+
+
+def labelled_vertex(vertex: str) -> str:
+    """The same pictures, and the part seen in each pixel beside them."""
+    return vertex.replace("in uint in_layer;", "in uint in_layer;\nin uint in_part;\nflat out uint part;").replace(
+        "    layer = ", "    part = in_part;\n    layer = "
+    )
+
+
+def labelled_fragment(fragment: str) -> str:
+    """Its other half."""
+    return (
+        fragment.replace("flat in float layer;", "flat in float layer;\nflat in uint part;")
+        .replace("out uint depth_units;", "out uint depth_units;\nlayout(location = 2) out uint ids;")
+        .replace("    vec3 t = ", "    ids = part;\n    vec3 t = ")
+    )
+
 
 SHADOW_VERTEX = """
 #version 430
@@ -103,6 +148,8 @@ uniform vec3 cloud;
 uniform float cover;
 uniform vec3 sun;
 uniform vec3 glow;
+uniform vec3 airlight;
+uniform float thickness;
 uniform vec2 slopes;
 vec3 sky(vec3 d) {
     float up = max(d.z, 0.0);
@@ -114,7 +161,8 @@ vec3 sky(vec3 d) {
     vec2 at = d.xy / (up + 0.16);
     float density = textureLod(surface, vec3(at * 0.11 + 0.37, cloud_layer), 0.0).r;
     float inside = smoothstep(1.0 - cover, 1.25 - cover, density) * smoothstep(0.02, 0.22, up);
-    return sqrt(mix(c, cloud * (0.86 + 0.14 * density), inside * 0.85));
+    c = mix(c, cloud * (0.86 + 0.14 * density), inside * 0.85);
+    return sqrt(mix(c, airlight, 1.0 - exp(-thickness / (up + 0.05))));
 }
 """
 

@@ -22,7 +22,7 @@ from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.physics_meshes import visual_mesh
-from services.sim.render.light import WEATHER, sun_direction
+from services.sim.render.light import WEATHER, airlight, extinction_per_m, sun_direction
 from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
 
 NEAR_M, FAR_M = 0.1, 400.0
@@ -90,7 +90,8 @@ class TinyRenderer:
             metres = FAR_M * NEAR_M / (FAR_M - (FAR_M - NEAR_M) * buffer)
             units = np.clip(np.rint(metres / DEPTH_METRES_PER_UNIT), 1, NO_RETURN)
             depth.append(np.where(hit, units, NO_RETURN).astype(np.uint16))
-            rgb.append(np.where(hit[..., None], colour, _sky(uploaded.scene, camera)).astype(np.uint8))
+            picture = np.where(hit[..., None], colour, _sky(uploaded.scene, camera)).astype(np.uint8)
+            rgb.append(_through_air(uploaded.scene, picture, np.where(hit, metres, FAR_M)))
             ids.append(uploaded.part_of_body[bodies])
         return RenderedViews(tuple(rgb), tuple(depth), tuple(ids) if labelled else None)
 
@@ -132,7 +133,7 @@ def _picture(
         lens,
         lightDirection=(sun_direction(light) * 100).tolist(),
         lightColor=(1, 1, 1),
-        lightAmbientCoeff=min(0.9, 0.62 * light.exposure),
+        lightAmbientCoeff=(0.12 if light.sky == "night" else min(0.9, 0.62 * light.exposure)),
         lightDiffuseCoeff=0.45 * weather.sun[0] * light.exposure,
         lightSpecularCoeff=0.0,
         shadow=0,
@@ -161,6 +162,16 @@ def _sky(scene: SceneMesh, camera: Camera) -> NDArray[np.uint8]:
     share = 1 - (1 - high) ** 3
     colour = np.array(weather.horizon) * (1 - share) + np.array(weather.zenith) * share
     return np.asarray(np.rint(np.sqrt(colour) * 255), np.uint8)
+
+
+def _through_air(scene: SceneMesh, picture: NDArray[np.uint8], metres: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """What fog and rain leave of a picture; the same picture in dry and clear air."""
+    thick = extinction_per_m(scene.air)
+    if thick == 0.0:
+        return picture
+    left = np.exp(-thick * metres)[..., None]
+    linear = (picture / 255.0) ** 2 * left + np.array(airlight(scene.light)) * (1.0 - left)
+    return np.asarray(np.rint(np.sqrt(linear) * 255), np.uint8)
 
 
 def _one_colour_per_face(scene: SceneMesh) -> SceneMesh:

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contracts.images import DEPTH_METRES_PER_UNIT, INVALID, NO_RETURN
+from contracts.scene import CALM, Air
 from contracts.sensor_profiles import RealDepth, StereoDepth, TimeOfFlightDepth
 from services.sim.sensors.chance import BANK_CODES_PER_SIGMA, blotches, white
 from services.sim.sensors.codes import Codes, codes_of
+from services.sim.sensors.rain import echoed
 
 Units = NDArray[np.uint16]
 _THIN_M = 0.3
@@ -21,6 +23,7 @@ _THIN_M = 0.3
 _MIXED_M = 3.0
 """A mixed pixel lies at most so far behind the near side of its edge."""
 _CONTRAST_PX = 7
+FOG_REACH = 0.25
 
 
 class Frame(NamedTuple):
@@ -32,12 +35,21 @@ class Frame(NamedTuple):
     glass: NDArray[np.bool_] | None
 
 
-def sensed_depth(frame: Frame, sensor: StereoDepth | TimeOfFlightDepth, rng: np.random.Generator) -> Units:
-    """(H, W) uint16 in wire units, 0 where the sensor says nothing; a real camera never says no-return."""
+def sensed_depth(
+    frame: Frame, sensor: StereoDepth | TimeOfFlightDepth, rng: np.random.Generator, air: Air = CALM
+) -> Units:
+    """(H, W) uint16 in wire units, 0 where the sensor says nothing; a real camera never says no-return. Fog takes the
+    contrast that two cameras match by from the picture itself; light that is sent out comes back from no farther than
+    `FOG_REACH` of the visibility."""
     codes = codes_of(sensor)
     height, width = frame.units.shape
     units = _thin_missed(frame.units, sensor, rng)
     _mix_edges(units, sensor, rng)
+    if isinstance(sensor, TimeOfFlightDepth):
+        if air.visibility_m is not None:
+            units[units > air.visibility_m * FOG_REACH / DEPTH_METRES_PER_UNIT] = INVALID
+        if air.rain_mm_h:
+            units = echoed(units, air.rain_mm_h, rng)
     measured = _measured(units, codes, _error(sensor, codes, height, width, rng))
     measured[_holes(frame, sensor, rng)] = INVALID
     if rng.random() < sensor.partial_frames:

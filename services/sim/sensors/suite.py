@@ -8,12 +8,14 @@ import numpy as np
 from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN, DepthMap, JpegImage, encode_depth_units, encode_jpeg
+from contracts.scene import CALM, Air
 from contracts.sensor_profiles import IdealDepth, Sensors
 from services.sim.drone import Rates
 from services.sim.render.views import RenderedViews
 from services.sim.sensors.chance import generator
 from services.sim.sensors.depth import Frame, sensed_depth
 from services.sim.sensors.picture import Motion, motion_of, sensed_picture
+from services.sim.sensors.rain import rained
 
 _SAMPLED = 16
 _NOTHING_NEAR_M = 100.0
@@ -30,11 +32,13 @@ class Look(NamedTuple):
 
 
 class SensorSuite:
-    """`seeds`: of the episode; each camera's frame at each look draws from a generator of its own."""
+    """`seeds`: of the episode; each camera's frame at each look draws from a generator of its own. `air`: what is
+    between the cameras and what they look at; the renderer has drawn all of it but the drops."""
 
-    def __init__(self, sensors: Sensors, seeds: tuple[int, ...]) -> None:
+    def __init__(self, sensors: Sensors, seeds: tuple[int, ...], air: Air = CALM) -> None:
         self._sensors = sensors
         self._seeds = seeds
+        self._air = air
 
     @property
     def tells_panes(self) -> bool:
@@ -44,10 +48,12 @@ class SensorSuite:
 
     def picture(self, frame: Frame, camera: Camera, look: Look) -> JpegImage:
         """The camera's picture, encoded."""
-        sensor = self._sensors.picture
-        if sensor.ideal:
+        sensor, rain = self._sensors.picture, self._air.rain_mm_h
+        if sensor.ideal and not rain:
             return encode_jpeg(frame.rgb, sensor.jpeg_quality)
         rng = generator((*self._seeds, _PICTURE), look.number, camera.name)
+        if rain:
+            frame = frame._replace(rgb=rained(frame.rgb, camera.fy_px, rain, sensor.exposure_s, rng))
         return encode_jpeg(
             sensed_picture(frame.rgb, camera, sensor, _motion(frame, camera, look), rng), sensor.jpeg_quality
         )
@@ -60,7 +66,7 @@ class SensorSuite:
         if isinstance(sensor, IdealDepth):
             return encode_depth_units(frame.units)
         rng = generator((*self._seeds, _DEPTH), look.number, camera.name)
-        return encode_depth_units(sensed_depth(frame, sensor, rng))
+        return encode_depth_units(sensed_depth(frame, sensor, rng, self._air))
 
 
 def frames_of(drawn: RenderedViews) -> tuple[Frame, ...]:
