@@ -36,6 +36,8 @@ from service_kit.addresses import FLIGHT_SERVICES, Addresses
 from service_kit.connections import Connections
 from service_kit.settings import BadSetting, process_environment
 
+PATIENCE_S = 30.0
+"""How long services of somebody else's may be away, because they are started again."""
 MAX_SCENE_BYTES = 4 * 1024 * 1024
 
 
@@ -140,8 +142,7 @@ async def _deliver(
         terminal = live and console.is_terminal
         view: LiveView | PlainView = LiveView(console, order.request, backend) if terminal else PlainView(console)
         stack.enter_context(view)
-        # services of somebody else's may be started again; what this command started itself is not
-        patience_s = connections.service_patience_s if at is not None else 0.0
+        patience_s = PATIENCE_S if at is not None else 0.0
         if at is None:
             ports = free_ports(FLIGHT_SERVICES)
             view.note("starting the services")

@@ -21,6 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 from command_line.console import FAILED, INTERRUPTED, interruptible, stop
+from command_line.running_services import ask_services
 from launcher.processes import CannotStart, Processes, free_ports, is_free
 from orchestrator import sample_library
 from service_kit.addresses import PORTS
@@ -80,7 +81,8 @@ class Finding(NamedTuple):
 def examine(environment: Mapping[str, str], runs: Path) -> list[Finding]:
     """All findings; nothing is changed on the machine, except that the folder of the records is made."""
     machine = [_python(), _packages(), _renderer()]
-    return [*machine, _settings(environment), _redis(environment), *_ports(), _disk(runs), _samples()]
+    services = [_settings(environment), _services(environment), _redis(environment), *_ports()]
+    return [*machine, *services, _disk(runs), _samples()]
 
 
 def _python() -> Finding:
@@ -142,6 +144,17 @@ def _settings(environment: Mapping[str, str]) -> Finding:
         return Finding("Settings", False, str(error), "docs/configuration.md lists every variable")
     held = [name for name, token in tokens._asdict().items() if token]
     return Finding("Settings", True, f"tokens for {', '.join(held)}" if held else "no tokens are set")
+
+
+def _services(environment: Mapping[str, str]) -> Finding:
+    """Those that run are asked whether the tokens fit."""
+    try:
+        running = asyncio.run(ask_services(environment))
+    except BadSetting:
+        return Finding("Services", True, "not asked: the settings are wrong")
+    misfits = [f"{one.service} {one.misfit}" for one in running if one.misfit]
+    found = "; ".join(one.said for one in running) or "none runs at the addresses that are set"
+    return Finding("Services", not misfits, found, "; ".join(misfits))
 
 
 def _redis(environment: Mapping[str, str]) -> Finding:

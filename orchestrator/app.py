@@ -1,50 +1,36 @@
 """The REST door: deliveries, their events as they happen, their pictures, and the viewer."""
 
-import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
-from pathlib import Path
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import FastAPI, Header, Request, Response
-from fastapi.responses import FileResponse, HTMLResponse
-from sqlalchemy.exc import DBAPIError
+from fastapi import FastAPI, Header, Response
+from fastapi.responses import FileResponse
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
 from orchestrator import sample_library
+from orchestrator.access import EVERYBODY, Access, RoleGuard
+from orchestrator.access_routes import add_access_routes
 from orchestrator.assembly import Orchestrator
 from service_kit.app import Check, create_app
-from service_kit.errors import error_response
+from service_kit.errors import Conflict, NotFound, TooMany, error_answers
 
-log = logging.getLogger("orchestrator.app")
-
-VIEWER = Path(__file__).parent / "viewer.html"
 MAX_BODY_BYTES = 4 * 1024 * 1024
 PING_S = 10
-PAGE_POLICY = "; ".join(
-    (
-        "default-src 'none'",
-        "script-src 'unsafe-inline'",
-        "style-src 'unsafe-inline'",
-        "img-src 'self' data:",
-        "connect-src 'self'",
-        "base-uri 'none'",
-        "form-action 'none'",
-        "frame-ancestors 'none'",
-    )
-)
+_NOT_FOUND = error_answers(NotFound)
+_WHILE_LIVE = error_answers(Conflict, NotFound, TooMany)
 
 
 def build_app(
     orchestrator: Orchestrator,
     *,
     checks: Mapping[str, Check] | None = None,
-    token: str | None = None,
+    access: Access = EVERYBODY,
     on_close: Callable[[], Awaitable[None]] | None = None,
 ) -> FastAPI:
-    """The orchestrator's app. A token, where set, guards all routes but health."""
+    """The orchestrator's app; `access` says who may do what."""
     deliveries = orchestrator.deliveries
 
     @asynccontextmanager
@@ -55,14 +41,10 @@ def build_app(
         if on_close is not None:
             await on_close()
 
-    app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, token=token, lifespan=lifespan)
+    guard = RoleGuard(access) if access.asked else None
+    app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, guard=guard, lifespan=lifespan)
 
-    @app.exception_handler(DBAPIError)
-    async def _no_database(_: Request, error: DBAPIError) -> Response:
-        log.error("the database does not answer: %s", error.orig)
-        return error_response(503, "no_database", "the database does not answer; try again later")
-
-    @app.post("/v1/deliveries", status_code=202, tags=["deliveries"])
+    @app.post("/v1/deliveries", status_code=202, tags=["deliveries"], responses=_WHILE_LIVE)
     async def post_delivery(
         question: DeliveryQuestion,
         response: Response,
@@ -79,22 +61,27 @@ def build_app(
         """The newest first."""
         return DeliveryList(deliveries=tuple(await deliveries.list()))
 
-    @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"])
+    @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"], responses=_NOT_FOUND)
     async def get_delivery(delivery_id: str) -> Delivery:
         return await deliveries.get(delivery_id)
 
-    @app.delete("/v1/deliveries/{delivery_id}", tags=["deliveries"])
+    @app.delete("/v1/deliveries/{delivery_id}", tags=["deliveries"], responses=_WHILE_LIVE)
     async def cancel_delivery(delivery_id: str) -> Delivery:
         """Ends a delivery, whatever its status; the answer comes when its record is complete."""
         return await deliveries.cancel(delivery_id)
 
-    @app.post("/v1/deliveries/{delivery_id}/answer", tags=["deliveries"])
+    @app.post("/v1/deliveries/{delivery_id}/answer", tags=["deliveries"], responses=_WHILE_LIVE)
     async def post_answer(delivery_id: str, answer: CustomerAnswer) -> Delivery:
         """The customer's answer to the question of a delivery that is `needs_answer`; the delivery goes on. 409 where
         nothing is asked."""
         return await deliveries.answer(delivery_id, answer.text)
 
-    @app.get("/v1/deliveries/{delivery_id}/events", tags=["deliveries"], response_class=EventSourceResponse)
+    @app.get(
+        "/v1/deliveries/{delivery_id}/events",
+        tags=["deliveries"],
+        response_class=EventSourceResponse,
+        responses=_NOT_FOUND,
+    )
     async def get_events(
         delivery_id: str, last_event_id: Annotated[str | None, Header(max_length=20)] = None
     ) -> EventSourceResponse:
@@ -110,7 +97,12 @@ def build_app(
 
         return EventSourceResponse(stream(), ping=PING_S)
 
-    @app.get("/v1/deliveries/{delivery_id}/files/{file}", tags=["deliveries"], response_class=FileResponse)
+    @app.get(
+        "/v1/deliveries/{delivery_id}/files/{file}",
+        tags=["deliveries"],
+        response_class=FileResponse,
+        responses=_NOT_FOUND,
+    )
     async def get_file(delivery_id: str, file: str) -> FileResponse:
         """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
         path = await deliveries.picture(delivery_id, file)
@@ -121,10 +113,8 @@ def build_app(
         """Names of the deliveries that ship with the project."""
         return await anyio.to_thread.run_sync(sample_library.names)
 
-    @app.get("/", tags=["viewer"], response_class=HTMLResponse)
-    async def viewer() -> HTMLResponse:
-        """The viewer: one page, nothing from elsewhere."""
-        page = await anyio.to_thread.run_sync(lambda: VIEWER.read_text(encoding="utf-8"))
-        return HTMLResponse(page, headers={"content-security-policy": PAGE_POLICY})
+    async def known(delivery_id: str) -> None:
+        await deliveries.get(delivery_id)
 
+    add_access_routes(app, access, known)
     return app

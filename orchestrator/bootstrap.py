@@ -3,6 +3,7 @@
 from fastapi import FastAPI
 
 from mission.clients import Services
+from orchestrator.access import Access, signing_key
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
 from orchestrator.deliveries import Bounds
@@ -24,7 +25,12 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         Records(settings.runs_dir),
         Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights),
         Bounds(waiting=settings.max_waiting_deliveries),
-        lost_after_s=settings.lost_after_s,
     )
-    checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
-    return build_app(orchestrator, checks=checks, token=revealed(settings.orchestrator_token), on_close=services.close)
+    access = Access(
+        revealed(settings.orchestrator_token),
+        revealed(settings.orchestrator_read_token),
+        lambda: signing_key(revealed(settings.orchestrator_key), settings.runs_dir),
+        settings.session_hours * 3600,
+    )
+    checks = {client.service: client.usable for client in services.all}
+    return build_app(orchestrator, checks=checks, access=access, on_close=services.close)

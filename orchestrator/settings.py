@@ -17,8 +17,15 @@ class OrchestratorSettings(Connections, ServiceSettings):
 
     port: int = Field(8100, ge=1, le=65535, description="The TCP port to listen at.")
     orchestrator_token: Token | None = Field(
-        None, description="Callers must send this bearer token; without it all may call."
+        None, description="The operator's token, which may do everything; without it all may call."
     )
+    orchestrator_read_token: Token | None = Field(None, description="A second token, which may look on only.")
+    orchestrator_key: Token | None = Field(
+        None,
+        description="What sessions and customers' links are signed with; unset: a key that is drawn once and kept in "
+        "RUNS_DIR.",
+    )
+    session_hours: int = Field(12, ge=1, le=8760, description="Hours until a browser has to log in again.")
     runs_dir: Path = Field(
         Path("runs"), description="The folder of the deliveries' records; the same one for all orchestrators."
     )
@@ -45,12 +52,6 @@ class OrchestratorSettings(Connections, ServiceSettings):
         ge=0.0,
         le=3600.0,
         description="Seconds that a service which does not answer is asked again before the delivery ends.",
-    )
-    lost_after_s: float = Field(
-        10.0,
-        ge=1.0,
-        le=3600.0,
-        description="Seconds without a sign of life after which the deliveries of another orchestrator are taken over.",
     )
     max_flights: int = Field(
         3, ge=1, le=20, description="How often a delivery is begun to be flown at most, where vehicles are lost."

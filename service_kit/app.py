@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager
 from importlib.metadata import version
+from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
@@ -12,8 +13,8 @@ from pydantic import BaseModel
 from starlette.middleware.cors import CORSMiddleware
 
 from contracts.health import Health
-from service_kit.auth import BearerAuth, access_of
-from service_kit.errors import Unavailable, install_error_renderer
+from service_kit.auth import Guard, Guarded, TokenGuard, access_of
+from service_kit.errors import Unavailable, describe_errors_as_json, install_error_renderer, usual_answers
 from service_kit.leaving import Stopping
 from service_kit.limits import BodyLimit
 from service_kit.metrics import HttpMetrics, MetricsMiddleware
@@ -33,6 +34,9 @@ def create_app(
     notes: Mapping[str, Check] | None = None,
     about: Mapping[str, str] | None = None,
     token: str | None = None,
+    guard: Guard | None = None,
+    asks_itself: bool = False,
+    errors: Mapping[int | str, dict[str, Any]] | None = None,
     metrics: HttpMetrics | None = None,
     origins: Origins | None = None,
     metrics_page: Callable[[], str] | None = None,
@@ -42,18 +46,29 @@ def create_app(
 
     `checks` are asked, each for at most 2 s, by `/readyz`, which also tells `about`: which parts were chosen here.
     `notes` are asked and shown like `checks`, but what is wrong with them leaves the service ready. `token` puts a
-    bearer token in front of all but health. Web pages of `origins` may ask, besides the service's own. `metrics_page`
+    bearer token in front of all but health; a `guard` decides in its place; where the
+    app is behind another that asks for keys it says `asks_itself`. `errors`: what else all of its routes may answer.
+    Web pages of `origins` may ask, besides the service's own. `metrics_page`
     makes the figures' page where it is not that of this process alone.
     """
-    app = FastAPI(title=f"LogisticsVLN {service}", version=version("logisticsvln"), lifespan=lifespan)
+    if guard is None and token:
+        guard = TokenGuard(token)
+    app = FastAPI(
+        title=f"LogisticsVLN {service}",
+        version=version("logisticsvln"),
+        lifespan=lifespan,
+        responses=usual_answers(guarded=guard is not None or asks_itself) | dict(errors or {}),
+    )
     figures = metrics or HttpMetrics()
     app.state.metrics = figures
     install_error_renderer(app)
+    describe_errors_as_json(app)
     pages = origins or Origins()
     app.add_middleware(RequestForms, origins=pages, max_bytes=max_body_bytes)
     app.add_middleware(BodyLimit, max_bytes=max_body_bytes)
-    if token:
-        app.add_middleware(BearerAuth, token=token)
+    app.state.guarded = guard is not None
+    if guard is not None:
+        app.add_middleware(Guarded, guard=guard)
     if pages.allowed:
         app.add_middleware(
             CORSMiddleware,

@@ -40,12 +40,6 @@ class Connections(Settings):
     vlm_gateway_url: HttpAddress = Field(_USUAL.vlm_gateway, description="Where vlm_gateway listens.")
     depth_assist_url: HttpAddress = Field(_USUAL.depth_assist, description="Where depth_assist listens.")
     sim_url: HttpAddress = Field(_USUAL.sim, description="Where the simulator listens.")
-    service_patience_s: float = Field(
-        30.0,
-        ge=0.0,
-        le=3600.0,
-        description="Seconds that a service may be away, because it is started again, until whoever calls it gives up.",
-    )
     llm_parser_token: Token | None = Field(None, description="The token that llm_parser asks for.")
     gateway_token: Token | None = Field(None, description="The token, or a key, that vlm_gateway asks for.")
     depth_assist_token: Token | None = Field(None, description="The token that depth_assist asks for.")

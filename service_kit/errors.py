@@ -2,6 +2,8 @@
 
 ServiceError            an answer of ours: code, status, message, details
   BadQuestion     422   the question is well-formed JSON but can't be answered as it stands
+  Unauthorised    401   no token, or one that is not accepted
+  Forbidden       403   the token, session or link does not allow this
   NotFound        404   no such thing
   Conflict        409   it contradicts what happened before
   TooMany         429   a bound on live things is reached
@@ -9,6 +11,7 @@ ServiceError            an answer of ours: code, status, message, details
 """
 
 import logging
+from http import HTTPStatus
 from typing import Any
 
 from fastapi import FastAPI, Request
@@ -48,28 +51,98 @@ class ServiceError(Exception):
 
 
 class BadQuestion(ServiceError):
+    """It can't be answered as it stands."""
+
     status = 422
     code = "bad_question"
 
 
+class Unauthorised(ServiceError):
+    """No token, or one that is not accepted."""
+
+    status = 401
+    code = "unauthorised"
+
+
+class Forbidden(ServiceError):
+    """Not allowed with this token, session or link."""
+
+    status = 403
+    code = "forbidden"
+
+
 class NotFound(ServiceError):
+    """There is no such thing."""
+
     status = 404
     code = "not_found"
 
 
 class Conflict(ServiceError):
+    """It contradicts what happened before."""
+
     status = 409
     code = "conflict"
 
 
 class TooMany(ServiceError):
+    """As many are there as may be."""
+
     status = 429
     code = "too_many"
 
 
 class Unavailable(ServiceError):
+    """Something that is needed doesn't answer."""
+
     status = 503
     code = "unavailable"
+
+
+def error_answers(*kinds: type[ServiceError] | HTTPStatus) -> dict[int | str, dict[str, Any]]:
+    """For a route's `responses`: the errors that it may answer with, beside those of every route."""
+    return {
+        int(kind) if isinstance(kind, HTTPStatus) else kind.status: _described(
+            kind.phrase if isinstance(kind, HTTPStatus) else str(kind.__doc__)
+        )
+        for kind in kinds
+    }
+
+
+def usual_answers(*, guarded: bool) -> dict[int | str, dict[str, Any]]:
+    """The errors that every route may answer with, before it is asked or where it fails."""
+    usual = {
+        400: "not HTTP, or not the encoding it says",
+        408: "the body did not come in time",
+        413: "the body is over the limit",
+        415: "a form of body that is not read",
+        421: "the server is not called by that name",
+        422: "the question is not of the contract, or can't be answered as it stands",
+        500: "a bug; the service's log has the details",
+        503: "something that is needed does not answer, too much is under way, or the service stops",
+    }
+    known = {401: "no token, or one that is not accepted", 403: "not allowed with this token"} if guarded else {}
+    return {status: _described(meaning) for status, meaning in (usual | known).items()}
+
+
+def describe_errors_as_json(app: FastAPI) -> None:
+    """The framework describes errors in the media type of the route's answer; ours are JSON wherever they come from."""
+    usual = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        described = usual()
+        for path in described["paths"].values():
+            for operation in path.values():
+                for status, answer in operation["responses"].items():
+                    if status >= "400":
+                        answer["content"] = {"application/json": next(iter(answer["content"].values()))}
+        return described
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _described(meaning: str) -> dict[str, Any]:
+    return {"model": ErrorBody, "description": meaning}
 
 
 def error_response(

@@ -7,8 +7,14 @@ Who goes first where a bound is reached:
                  are coming in, the one that went over the bound
 """
 
+import asyncio
+import fcntl
 import resource
+import sys
+import termios
 from typing import NamedTuple, Protocol
+
+from service_kit.hosts import Hosts
 
 STOOD_STILL_S = 1.0
 _FILES_FOR_OTHERS = 256
@@ -47,8 +53,10 @@ class Held(Protocol):
 class OpenConnections:
     """All connections of one server, in one event loop."""
 
-    def __init__(self, limits: ConnectionLimits) -> None:
+    def __init__(self, limits: ConnectionLimits, hosts: Hosts | None = None) -> None:
+        """`hosts`: by which names callers may call the server; by any without it."""
         self.limits = limits
+        self.hosts = hosts
         self.body_bytes = 0
         self.turned_away = 0
         self._open: set[Held] = set()
@@ -96,3 +104,16 @@ class OpenConnections:
         standing = [(since, id(one), one) for one in self._open if (since := one.body_stands_since) is not None]
         since, _, longest = min(standing, default=(now, 0, last))
         return longest if now - since >= STOOD_STILL_S else last
+
+
+def unread_bytes(transport: asyncio.Transport) -> int:
+    """How much of what was written its reader has not taken: what waits here, and what the kernel holds, which may be
+    megabytes."""
+    held = transport.get_write_buffer_size()
+    line = transport.get_extra_info("socket")
+    if line is None:
+        return held
+    try:
+        return held + int.from_bytes(fcntl.ioctl(line.fileno(), termios.TIOCOUTQ, bytes(4)), sys.byteorder)
+    except OSError:
+        return held

@@ -18,7 +18,9 @@ from typing import TypeVar
 import uvicorn
 from starlette.types import ASGIApp
 
-from service_kit.connections import Connections
+from service_kit.auth import is_guarded
+from service_kit.connections import TOKEN_VARIABLES, Connections
+from service_kit.hosts import Hosts, is_loopback
 from service_kit.http_limits import ConnectionLimits, OpenConnections, default_limits
 from service_kit.http_protocol import ServiceProtocol
 from service_kit.settings import BadSetting, ServiceSettings, process_environment
@@ -58,7 +60,9 @@ def main(service: str, kind: type[S], bootstrap: Callable[[S], ASGIApp]) -> None
     """A service's process: its settings, its app, and serving until the end. Raises SystemExit with one line where the
     settings are wrong."""
     settings = _settings(service, kind)
-    run(_built(service, lambda: bootstrap(settings)), settings)
+    app = _built(service, lambda: bootstrap(settings))
+    _check_reach(service, app, settings)
+    run(app, settings)
 
 
 def main_in_workers(
@@ -68,7 +72,9 @@ def main_in_workers(
     settings = _settings(service, kind)
     count = workers(settings)
     if count == 1:
-        run(_built(service, lambda: bootstrap(settings, None)), settings)
+        app = _built(service, lambda: bootstrap(settings, None))
+        _check_reach(service, app, settings)
+        run(app, settings)
         return
     try:
         with bound_socket(settings.host, settings.port) as held:
@@ -85,6 +91,7 @@ def _supervised(
     def serve(worker: Worker) -> None:
         with worker.alone():
             app = _built(service, lambda: bootstrap(settings, worker))
+            _check_reach(service, app, settings, say=worker.number == 0)
         mine = settings.model_copy(update={"parent_pid": supervisor_pid})
         run(app, mine, bound_socket(settings.host, port), worker.started)
 
@@ -115,6 +122,21 @@ def _built(service: str, build: Callable[[], ASGIApp]) -> ASGIApp:
         raise SystemExit(f"{service} can't start: {error}") from None
 
 
+def _check_reach(service: str, app: ASGIApp, settings: ServiceSettings, *, say: bool = True) -> None:
+    """Raises SystemExit where strangers could call a service that asks for no token, and nobody said that they may."""
+    if is_loopback(settings.host) or is_guarded(app):
+        return
+    variable = TOKEN_VARIABLES.get(service, "its token")
+    reach = f"HOST={settings.host} listens beyond this machine, and whoever reaches it there may do everything"
+    if not settings.listen_without_token:
+        raise SystemExit(
+            f"{service} can't start: {reach}; set {variable} or {variable}_FILE, or HOST=127.0.0.1, or, where "
+            "something else keeps strangers out, LISTEN_WITHOUT_TOKEN=on"
+        )
+    if say:
+        log.warning("%s, for LISTEN_WITHOUT_TOKEN is on; %s would ask them for a token", reach, variable)
+
+
 class _Server(uvicorn.Server):
     """Tells when it serves."""
 
@@ -138,7 +160,9 @@ def run(
     if settings.parent_pid:
         threading.Thread(target=_end_with, args=(settings.parent_pid,), name="parent", daemon=True).start()
     limits = connection_limits(settings)
-    server = _Server(server_config(app, settings.host, settings.port, settings.drain_timeout_s, limits), started)
+    hosts = Hosts([settings.host, *settings.allowed_hosts.split(",")])
+    config = server_config(app, settings.host, settings.port, settings.drain_timeout_s, limits, hosts)
+    server = _Server(config, started)
     # what is there by now stays: nobody needs to look through it again and again for what may be thrown away, and
     # what requests leave behind in circles can wait until there is more of it
     gc.collect()
@@ -161,11 +185,16 @@ def connection_limits(settings: ServiceSettings) -> ConnectionLimits:
 
 
 def server_config(
-    app: ASGIApp, host: str, port: int, drain_s: int, limits: ConnectionLimits | None = None
+    app: ASGIApp,
+    host: str,
+    port: int,
+    drain_s: int,
+    limits: ConnectionLimits | None = None,
+    hosts: Hosts | None = None,
 ) -> uvicorn.Config:
     """How every service is served. An app with an `http_protocol` speaks HTTP by that; it is called with the server's
     `OpenConnections` and what uvicorn gives."""
-    connections = OpenConnections(limits or default_limits())
+    connections = OpenConnections(limits or default_limits(), hosts)
     return uvicorn.Config(
         app,
         host=host,

@@ -128,6 +128,14 @@ class ServiceSettings(Settings):
     """What every service's process reads; a service adds its own fields, and its own default of `port`."""
 
     host: str = Field("127.0.0.1", description="The address to listen at; `0.0.0.0` in a container.")
+    allowed_hosts: str = Field(
+        "",
+        description="Names by which callers may call it (the header `Host`), comma-separated, such as "
+        "`drones.example,*.internal`; `*`: any. `localhost` and plain IP addresses always may.",
+    )
+    listen_without_token: bool = Field(
+        False, description="Whether to listen beyond this machine though no token is set."
+    )
     port: int = Field(8000, ge=1, le=65535, description="The TCP port to listen at.")
     log_level: Literal["debug", "info", "warning", "error"] = Field(
         "warning", description="The least severe log lines that are written (JSON, to standard error)."

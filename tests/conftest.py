@@ -17,7 +17,6 @@ from starlette.types import ASGIApp
 
 from service_kit.http_limits import ConnectionLimits
 from service_kit.run import server_config
-from tests.postgres import Postgres
 
 
 class Serve(Protocol):
@@ -115,11 +114,3 @@ def redis_server(tmp_path: Path) -> Iterator[RedisProcess]:
     server = RedisProcess(tmp_path)
     yield server
     server.stop()
-
-
-@pytest.fixture(scope="session")
-def postgres() -> Iterator[Postgres]:
-    """A real PostgreSQL, one for the session."""
-    server = Postgres(free_port())
-    yield server
-    server.close()

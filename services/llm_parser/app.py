@@ -3,21 +3,23 @@
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from typing import Any
+from http import HTTPStatus
 
 from fastapi import FastAPI
 from fastapi.responses import Response
 from prometheus_client import Counter
 
-from contracts.errors import ErrorBody
 from contracts.llm_parser import ParseAnswer, ParseQuestion
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion
+from service_kit.errors import BadQuestion, error_answers
 from service_kit.metrics import HttpMetrics
 from services.llm_parser.port import Parser
 from services.llm_parser.reader.parser import MODEL as READER
 
-_ERRORS: dict[int | str, dict[str, Any]] = {status: {"model": ErrorBody} for status in (413, 422, 503, 504)}
+_ERRORS = error_answers(
+    HTTPStatus.TOO_MANY_REQUESTS, HTTPStatus.BAD_GATEWAY, HTTPStatus.GATEWAY_TIMEOUT, HTTPStatus.NOT_FOUND
+)
+"""What the gateway behind the chat parser answers with."""
 
 
 @dataclass(frozen=True)

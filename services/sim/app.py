@@ -21,7 +21,7 @@ from contracts.vehicle import (
     VehicleState,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion, NotFound
+from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, error_answers
 from service_kit.leaving import while_asked
 from service_kit.metrics import HttpMetrics
 from services.sim.episodes import Episodes
@@ -82,7 +82,7 @@ def build_app(
 
     _add_vehicle_routes(app, episodes)
 
-    @app.post("/v1/episodes", status_code=201)
+    @app.post("/v1/episodes", status_code=201, responses=error_answers(Conflict, NotFound, TooMany))
     async def start_episode(question: EpisodeQuestion, request: Request) -> Episode:
         """A drone at the scene's start. The id can't be guessed; only who has it can fly. The same `key` again is the
         same episode; an episode whose caller leaves before it is there is not kept."""
@@ -99,22 +99,22 @@ def build_app(
         if owner is not None:
             await episodes.free_all(owner)
 
-    @app.get("/v1/episodes/{episode_id}/trial")
+    @app.get("/v1/episodes/{episode_id}/trial", responses=error_answers(NotFound))
     async def get_trial(episode_id: EpisodeId) -> Episode:
         """The scene, who draws it, whether it was claimed, when it expires. Asking doesn't renew the lease."""
         return episodes.trial(episode_id)
 
-    @app.post("/v1/episodes/{episode_id}/renew")
+    @app.post("/v1/episodes/{episode_id}/renew", responses=error_answers(NotFound))
     async def renew_lease(episode_id: EpisodeId) -> Episode:
         """A sign of life. Looks, moves and the other calls that do something renew the lease as well."""
         return episodes.renew(episode_id)
 
-    @app.post("/v1/episodes/{episode_id}/claim")
+    @app.post("/v1/episodes/{episode_id}/claim", responses=error_answers(Conflict, NotFound))
     async def claim_delivery(episode_id: EpisodeId, claim: Annotated[Claim, Body()] = NOTHING_NAMED) -> Verdict:
         """Judges where the drone is now and ends the episode. The first claim counts."""
         return await episodes.claim(episode_id, claim)
 
-    @app.post("/v1/episodes/{episode_id}/truth")
+    @app.post("/v1/episodes/{episode_id}/truth", responses=error_answers(NotFound))
     async def tell_truth(request: Request, episode_id: EpisodeId, question: TruthQuestion) -> Truth:
         """What is really there, where that is switched on."""
         if not truth:
@@ -131,17 +131,17 @@ def _add_vehicle_routes(app: FastAPI, episodes: Episodes) -> None:
     """The vehicle's contract (`contracts.vehicle`); its base address is the episode's."""
     base = "/v1/episodes/{episode_id}"
 
-    @app.get(base)
+    @app.get(base, responses=error_answers(NotFound))
     async def get_state(episode_id: EpisodeId) -> VehicleState:
         """Where the drone is, also on its way, and how far it has come. Asking doesn't renew the lease."""
         return episodes.state(episode_id)
 
-    @app.get(f"{base}/capabilities")
+    @app.get(f"{base}/capabilities", responses=error_answers(NotFound))
     async def get_capabilities(episode_id: EpisodeId) -> VehicleCapabilities:
         """What the drone is and which cameras it carries."""
         return episodes.capabilities(episode_id)
 
-    @app.get(f"{base}/observation", response_model=Observation)
+    @app.get(f"{base}/observation", response_model=Observation, responses=error_answers(NotFound))
     async def observe(
         request: Request,
         episode_id: EpisodeId,
@@ -152,42 +152,42 @@ def _add_vehicle_routes(app: FastAPI, episodes: Episodes) -> None:
         names = None if cameras is None else tuple(name.strip() for name in cameras.split(","))
         return json_response(await while_asked(request, episodes.look(episode_id, names, depth)))
 
-    @app.post(f"{base}/take-off")
+    @app.post(f"{base}/take-off", responses=error_answers(Conflict, NotFound))
     async def take_off(episode_id: EpisodeId, question: Annotated[TakeOff, Body()] = USUAL_HEIGHT) -> VehicleState:
         """Straight up from where it stands; a drone that flies stays where it is."""
         return await episodes.take_off(episode_id, question.height_m)
 
-    @app.put(f"{base}/moves/{{n}}")
+    @app.put(f"{base}/moves/{{n}}", responses=error_answers(Conflict, NotFound))
     async def move_drone(episode_id: EpisodeId, n: MoveNumber, move: Move) -> MoveResult:
         """Move number `n`, counted from 1. Sent again with the same body it is answered again and not flown again."""
         return await episodes.move(episode_id, n, move)
 
-    @app.get(f"{base}/moves/{{n}}")
+    @app.get(f"{base}/moves/{{n}}", responses=error_answers(NotFound))
     async def get_progress(episode_id: EpisodeId, n: MoveNumber) -> MoveProgress:
         """How far the last move has come."""
         return episodes.progress(episode_id, n)
 
-    @app.delete(f"{base}/moves/{{n}}")
+    @app.delete(f"{base}/moves/{{n}}", responses=error_answers(Conflict, NotFound))
     async def cancel_move(episode_id: EpisodeId, n: MoveNumber) -> MoveResult:
         """Stops the drone on its way; a move that is over stays what it is. The next number is used up unflown."""
         return await episodes.cancel(episode_id, n)
 
-    @app.post(f"{base}/hold")
+    @app.post(f"{base}/hold", responses=error_answers(Conflict, NotFound))
     async def hold(episode_id: EpisodeId) -> VehicleState:
         """Stops the drone on its way."""
         return await episodes.hold(episode_id)
 
-    @app.post(f"{base}/return")
+    @app.post(f"{base}/return", responses=error_answers(Conflict, NotFound))
     async def return_home(episode_id: EpisodeId) -> VehicleState:
         """Over all roofs to where it started, there it holds. A move under way is cancelled."""
         return await episodes.return_home(episode_id)
 
-    @app.post(f"{base}/land")
+    @app.post(f"{base}/land", responses=error_answers(Conflict, NotFound))
     async def land(episode_id: EpisodeId) -> VehicleState:
         """Straight down. A move under way is cancelled."""
         return await episodes.land(episode_id)
 
-    @app.delete(base, status_code=204)
+    @app.delete(base, status_code=204, responses=error_answers(NotFound))
     async def end_episode(episode_id: EpisodeId) -> None:
         """Frees all that the episode holds."""
         await episodes.end(episode_id)

@@ -34,6 +34,7 @@ from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.oracle import asked_vehicle
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
+from services.vlm_gateway.errors import ERROR_ANSWERS
 from services.vlm_gateway.further_routes import add_further_routes
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.calls import Models
@@ -124,6 +125,8 @@ def build_app(
         notes=notes,
         metrics=metrics,
         origins=pages,
+        asks_itself=True,
+        errors=ERROR_ANSWERS,
         metrics_page=pages_of_all.merged if pages_of_all is not None else None,
         lifespan=lifespan,
     )

@@ -18,9 +18,10 @@ None of them carries a key, a header or an address with credentials.
 
 import math
 from collections.abc import Mapping
+from http import HTTPStatus
 from typing import Any, ClassVar, Literal
 
-from service_kit.errors import ServiceError
+from service_kit.errors import ServiceError, error_answers
 
 FallbackReason = Literal[
     "unreachable", "timeout", "overloaded", "rate_limited", "server_key", "not_found", "context_length", "rejected"
@@ -144,3 +145,13 @@ def of_our_question(error: ModelError) -> ModelError:
     if isinstance(error, ModelRateLimited):
         return ModelOverloaded(error.message, retry_after_s=float(wait), details=error.details)
     return error
+
+
+ERROR_ANSWERS = error_answers(
+    HTTPStatus.NOT_FOUND,
+    HTTPStatus.CONFLICT,
+    HTTPStatus.TOO_MANY_REQUESTS,
+    HTTPStatus.BAD_GATEWAY,
+    HTTPStatus.GATEWAY_TIMEOUT,
+)
+"""What the routes may answer with, besides what every service's may."""

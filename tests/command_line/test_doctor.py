@@ -11,6 +11,8 @@ from typer.testing import CliRunner
 from command_line.doctor import required_packages
 from command_line.main import app
 from launcher.processes import free_ports
+from service_kit.app import create_app
+from tests.conftest import Serve
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, says
 
 RUNNER = CliRunner()
@@ -20,7 +22,7 @@ def test_the_doctor_looks_at_everything_and_says_what_to_do(tmp_path: Path) -> N
     result = RUNNER.invoke(app, ["doctor", "--json", "--out", str(tmp_path)])
     told = json.loads(result.stdout)
     assert {f["name"] for f in told["findings"]} == {
-        "Python", "Packages", "Renderer", "Settings", "Redis", "Ports", "Disk", "Samples",
+        "Python", "Packages", "Renderer", "Settings", "Services", "Redis", "Ports", "Disk", "Samples",
     }  # fmt: skip
     assert result.exit_code == (0 if told["ok"] else 1)
     assert all(f["remedy"] for f in told["findings"] if not f["ok"])
@@ -50,6 +52,21 @@ def test_a_token_file_that_cannot_be_read_is_a_finding(tmp_path: Path) -> None:
     settings = next(f for f in json.loads(result.stdout)["findings"] if f["name"] == "Settings")
     assert not settings["ok"]
     assert "SIM_TOKEN_FILE=/nowhere/token: No such file" in settings["found"]
+
+
+def test_the_doctor_asks_running_services_whether_the_tokens_fit(tmp_path: Path, serve: Serve) -> None:
+    guarded = serve(create_app("sim", max_body_bytes=100, token="s3cret"))
+    free = serve(create_app("depth_assist", max_body_bytes=100))
+    nowhere = f"http://127.0.0.1:{free_ports(['x'])['x']}"
+    at = {"SIM_URL": guarded, "DEPTH_ASSIST_URL": free, "LLM_PARSER_URL": nowhere, "VLM_GATEWAY_URL": nowhere}
+    for token, fits in (("s3cret", True), ("old", False), ("", False)):
+        result = RUNNER.invoke(app, ["doctor", "--json", "--out", str(tmp_path)], env=at | {"SIM_TOKEN": token})
+        services = next(f for f in json.loads(result.stdout)["findings"] if f["name"] == "Services")
+        assert services["ok"] is fits
+        assert ("takes our token" if fits else "SIM_TOKEN") in services["found"]
+        assert f"depth_assist at {free} asks for no token" in services["found"]
+        assert "llm_parser" not in services["found"]
+        assert bool(services["remedy"]) is not fits
 
 
 def test_the_doctor_notices_a_redis_that_is_set_and_does_not_answer(tmp_path: Path) -> None:

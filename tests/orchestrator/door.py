@@ -8,6 +8,7 @@ import httpx
 import uvicorn
 
 from mission.clients import Simulated
+from orchestrator.access import EVERYBODY, Access
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
 from orchestrator.deliveries import Bounds
@@ -30,23 +31,21 @@ class Door:
         world: BlockWorld,
         *,
         vision: BlockVision | None = None,
-        token: str | None = None,
+        access: Access = EVERYBODY,
         max_live: int = 2,
         max_waiting: int = 1000,
         patience_s: float = 600.0,
         service_within_s: float = 0.0,
-        database: str | None = None,
     ) -> None:
         orchestrator = Orchestrator(
-            Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
+            Database(f"sqlite:///{runs / 'deliveries.sqlite'}"),
             OneSimulator(lambda: Simulated(block_ports(world, vision), world), max_live),
             Records(runs),
             Policy(patience_s, service_within_s, flights=2),
             Bounds(waiting=max_waiting),
-            poll_s=0.05,
         )
         port = free_port()
-        self._server = uvicorn.Server(server_config(build_app(orchestrator, token=token), "127.0.0.1", port, 2))
+        self._server = uvicorn.Server(server_config(build_app(orchestrator, access=access), "127.0.0.1", port, 2))
         self._thread = threading.Thread(target=self._server.run, daemon=True)
         self._thread.start()
         give_up = time.monotonic() + 20

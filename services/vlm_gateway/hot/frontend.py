@@ -74,6 +74,7 @@ class Frontend:
         self._tracer = tracer
         self._app = app
         self.keys = keys
+        self.guarded = bool(keys.all)
         self._cache = cache
         self._metrics = metrics
         self._http = http

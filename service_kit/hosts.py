@@ -1,0 +1,45 @@
+"""By which names a server may be called, and whether it may be called from elsewhere without a token.
+
+A web page of somebody else's can point its own name at 127.0.0.1 and then read what a server there answers, as its own
+page (DNS rebinding); the name still stands in `Host`. An address written as numbers can't be bent that way.
+"""
+
+import ipaddress
+from collections.abc import Iterable
+
+LOOPBACK_NAMES = ("localhost", "ip6-localhost")
+
+
+class Hosts:
+    """`allowed`: names, `*.example.org` for all below one, `*` for any; the loopback's names and plain IP addresses are
+    always among them."""
+
+    def __init__(self, allowed: Iterable[str] = ()) -> None:
+        names = {name.strip().lower() for name in allowed} - {""}
+        self._names = names | set(LOOPBACK_NAMES)
+        self._below = tuple(name[1:] for name in names if name.startswith("*."))
+        self._any = "*" in names
+
+    def allow(self, host: str) -> bool:
+        """`host` is the header's value: a name or an address, perhaps with a port."""
+        name = _without_port(host.strip().lower()).removesuffix(".")
+        return self._any or name in self._names or name.endswith(self._below) or is_address(name)
+
+
+def is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches what listens there."""
+    return host.lower() in LOOPBACK_NAMES or (is_address(host) and ipaddress.ip_address(host).is_loopback)
+
+
+def _without_port(host: str) -> str:
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.rpartition(":")[0] if host.count(":") == 1 else host
