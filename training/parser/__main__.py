@@ -18,7 +18,7 @@ from training.parser.measure import calibrated, card, examine, read_examined
 
 REQUESTS = Path(__file__).with_name("requests")
 BASE = Path(".cache/parser-base")
-FIGURES = "examined.json"
+FIGURES, HISTORY = "examined.json", "history.json"
 BEFORE_MEASURING = About(thresholds=Thresholds(floor=0.9, object=0.9))
 """What an export says until `measure --set` knows better."""
 BASE_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
@@ -41,6 +41,7 @@ def main(arguments: Sequence[str]) -> int:
     measuring = stages.add_parser("measure", help="figures of left-out authors; sets thresholds of a folder")
     measuring.add_argument("folders", nargs="+", type=Path)
     measuring.add_argument("--card", type=Path)
+    measuring.add_argument("--plot", type=Path, help="a picture of the first folder's losses, and of all figures")
     measuring.add_argument("--set", type=Path, dest="target", help="the exported folder whose about.json is completed")
     chosen = parser.parse_args(arguments)
     try:
@@ -72,7 +73,7 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
     import torch
 
     from training.parser.export import export
-    from training.parser.fit import Plan, fit
+    from training.parser.fit import Epoch, Plan, fit
     from training.parser.rows import load
 
     torch.set_num_threads(chosen.threads)
@@ -91,11 +92,17 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         "base": "all-MiniLM-L6-v2 (Apache-2.0)",
         **BEFORE_MEASURING.model_dump(),
     }
-    nets = []
+    nets, history = [], []
+
+    def report(epoch: Epoch) -> None:
+        history.append(epoch.losses)
+        _say(f"{epoch}\n")
+
     for seed in range(chosen.seed, chosen.seed + chosen.members):
         _say(f"seed {seed}\n")
-        nets.append(fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=seed), lambda said: _say(said + "\n")))
+        nets.append(fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=seed), report))
     export(nets, chosen.base, chosen.out, about)
+    (chosen.out / HISTORY).write_text(json.dumps(history))
     if kept:
         examined = examine(chosen.out, kept)
         (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
@@ -109,6 +116,10 @@ def set_thresholds(chosen: argparse.Namespace) -> None:
     _say(text)
     if chosen.card is not None:
         chosen.card.write_text(text, encoding="utf-8")
+    if chosen.plot is not None:
+        from training.parser.plot import draw
+
+        draw(json.loads((chosen.folders[0] / HISTORY).read_text(encoding="utf-8")), examined, found, chosen.plot)
     if chosen.target is not None:
         path = chosen.target / "about.json"
         about = json.loads(path.read_text(encoding="utf-8"))

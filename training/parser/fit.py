@@ -30,6 +30,19 @@ class Plan(NamedTuple):
     average: float = 0.998
 
 
+class Epoch(NamedTuple):
+    """Steps taken of how many, seconds since the start, and the epoch's mean losses by head."""
+
+    step: int
+    steps: int
+    seconds: float
+    losses: dict[str, float]
+
+    def __str__(self) -> str:
+        said = ", ".join(f"{name} {loss:.3f}" for name, loss in self.losses.items())
+        return f"{self.step}/{self.steps} steps, {self.seconds:.0f} s: {said}"
+
+
 def tokenizer_of(base: Path) -> Tokenizer:
     tokenizer = Tokenizer.from_file(str(base / "tokenizer.json"))
     tokenizer.no_padding()
@@ -43,7 +56,7 @@ def new_reader(base: Path) -> Reader:
     return Reader(encoder)
 
 
-def fit(rows: Sequence[Row], base: Path, plan: Plan, report: Callable[[str], None]) -> Reader:
+def fit(rows: Sequence[Row], base: Path, plan: Plan, report: Callable[[Epoch], None]) -> Reader:
     """The averaged weights of one training run."""
     torch.manual_seed(plan.seed)
     generator = np.random.default_rng(plan.seed)
@@ -87,8 +100,7 @@ def fit(rows: Sequence[Row], base: Path, plan: Plan, report: Callable[[str], Non
             summed.update({k: float(v.detach()) for k, v in parts.items()})
             if step >= total:
                 break
-        said = ", ".join(f"{k} {v / len(batches):.3f}" for k, v in summed.items())
-        report(f"{step}/{total} steps, {time.perf_counter() - started:.0f} s: {said}")
+        report(Epoch(step, total, time.perf_counter() - started, {k: v / len(batches) for k, v in summed.items()}))
     return averaged
 
 

@@ -158,7 +158,7 @@ class ChatParser:
 
 def _object_words(name: str | None, request: str) -> str | None:
     span = object_span(name, request) if name else None
-    return request[span.start : span.end] if span else None
+    return request[span] if span else None
 
 
 def _floor_words(floor: int | None, request: str) -> str | None:

@@ -1,7 +1,6 @@
 """Are these words the request's own? A model may shorten and reorder, not invent."""
 
 import re
-from typing import NamedTuple
 
 from rapidfuzz.distance import OSA
 
@@ -10,14 +9,7 @@ _LINK_WORDS = "a an the of with and in on at by to for its his her my our from o
 _LINKS = frozenset(_LINK_WORDS.split())
 
 
-class Span(NamedTuple):
-    """Characters `start` to `end` (exclusive) of the request."""
-
-    start: int
-    end: int
-
-
-def object_span(name: str, request: str) -> Span | None:
+def object_span(name: str, request: str) -> slice | None:
     """The shortest stretch of `request` that holds all words of `name` that carry meaning, or None where one is
     missing. Plural and singular count as the same word, and so do words of five letters or more one slip apart."""
     wanted = {w for w in _WORD.findall(name.lower()) if w not in _LINKS}
@@ -30,9 +22,9 @@ def object_span(name: str, request: str) -> Span | None:
         for last, found in hits[at:]:
             left -= found
             if not left:
-                spans.append(Span(first.start(), last.end()))
+                spans.append(slice(first.start(), last.end()))
                 break
-    return min(spans, key=lambda s: s.end - s.start, default=None)
+    return min(spans, key=lambda s: s.stop - s.start, default=None)
 
 
 def _same(wanted: str, said: str) -> bool:

@@ -130,21 +130,17 @@ def _brace_pairs(text: str) -> list[str]:
 
 def _lenient(piece: str) -> dict[str, Any] | None:
     """JSON, or what models write for it: trailing commas, single quotes, bare keys, Python's constants, comments."""
-    without_commas = re.sub(r",\s*([}\]])", r"\1", piece)
-    without_comments = re.sub(r"//[^\n\"]*$", "", without_commas, flags=re.MULTILINE)
-    keyed = re.sub(r"([{,]\s*)([A-Za-z_]\w*)\s*:", r'\1"\2":', without_comments)
-    for variant in (piece, without_commas, keyed):
+    bare = re.sub(r"//[^\n\"]*$", "", piece, flags=re.MULTILINE)
+    literal = re.sub(r"([{,]\s*)([A-Za-z_]\w*)\s*:", r'\1"\2":', bare)
+    for constant, ours in (("null", "None"), ("true", "True"), ("false", "False")):
+        literal = re.sub(rf"\b{constant}\b", ours, literal)
+    for read, variant in ((json.loads, piece), (ast.literal_eval, literal)):
         try:
-            value = json.loads(variant)
-        except (ValueError, RecursionError):
+            value = read(variant)
+        except (ValueError, SyntaxError, MemoryError, RecursionError):
             continue
         return value if isinstance(value, dict) else None
-    pythonic = re.sub(r"\bnull\b", "None", re.sub(r"\btrue\b", "True", re.sub(r"\bfalse\b", "False", keyed)))
-    try:
-        value = ast.literal_eval(pythonic)
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
-        return None
-    return value if isinstance(value, dict) else None
+    return None
 
 
 def _checked(found: dict[str, Any], request: str | None) -> Read | Unreadable:

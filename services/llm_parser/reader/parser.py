@@ -138,15 +138,12 @@ def guesses(model: ReaderModel, text: str) -> Guesses:
     mentions = find_mentions(text)
     encoded = encode(model.tokenizer, text, mentions)
     scores = model.scores(encoded)
-    seen = [r for r in readings(mentions) if _is_read(encoded.averaging, r.first, r.second)]
+    read = [bool(row.any()) for row in encoded.averaging]
+    seen = [r for r in readings(mentions) if read[r.first] and (r.second is None or read[r.second])]
     floors = decode.floors(scores, seen, mentions)
     return Guesses(
         floors, decode.objects(scores, encoded.tokens, floors[0]), decode.relation(scores, encoded.tokens), encoded.cut
     )
-
-
-def _is_read(averaging: decode.Floats, first: int, second: int | None) -> bool:
-    return bool(averaging[first].any()) and (second is None or bool(averaging[second].any()))
 
 
 def _counted_from_zero(guess: FloorGuess, text: str, mentions: Sequence[Mention]) -> FloorGuess:
