@@ -35,13 +35,12 @@ from services.vlm_gateway.backends.oracle import asked_vehicle
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
 from services.vlm_gateway.errors import ERROR_ANSWERS
-from services.vlm_gateway.further_routes import add_further_routes
 from services.vlm_gateway.gateway import Gateway
 from services.vlm_gateway.hot.calls import Models
 from services.vlm_gateway.hot.deadline import caller_left, stated_timeout_s, too_late
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.hot.log import RequestLog
-from services.vlm_gateway.hot.server import PATH
+from services.vlm_gateway.hot.routes import ROUTES, Route
 from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.questions import Kind
@@ -150,20 +149,16 @@ def build_app(
     for kind in gateway.kinds:
         _add_route(app, kind, ask)
 
-    @app.post(PATH, response_model=None)
-    async def chat_completions(body: dict[str, Any]) -> Response:
-        """OpenAI's chat completions for the configured chat models, streamed or not. `x-cache: on` or `off` in the
-        request overrides that only answers at temperature 0 are cached."""
-        # hot/server.py sends chats past here; the route is there for the API's description
-        raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
-
-    add_further_routes(app, passed_on, gateway.accounts)
+    for described in ROUTES:
+        _describe(app, described)
 
     def entry(alias: str) -> dict[str, object]:
         backend = gateway.backends[alias]
         return {
             "id": alias,
             "object": "model",
+            "type": "model",
+            "display_name": alias,
             "created": int(started_at),
             "owned_by": backend.kind,
             "chat": isinstance(backend, ChatBackend),
@@ -172,11 +167,11 @@ def build_app(
 
     @app.get("/v1/models")
     async def models() -> dict[str, object]:
-        """The aliases that the caller may name, in OpenAI's form; `chat` says whether chat completions take them, and
-        those come first: many clients take the first of the list."""
+        """The aliases that the caller may name, in OpenAI's form and Anthropic's; `chat` says whether chat completions
+        take them, and those come first: many clients take the first of the list."""
         mine = [alias for alias in gateway.backends if asking.get().may_ask(alias)]
         mine.sort(key=lambda alias: (not isinstance(gateway.backends[alias], ChatBackend), alias))
-        return {"object": "list", "data": [entry(alias) for alias in mine]}
+        return {"object": "list", "data": [entry(alias) for alias in mine], "has_more": False}
 
     @app.get("/v1/models/{alias:path}")
     async def model(alias: str) -> dict[str, object]:
@@ -228,6 +223,16 @@ def _add_route(app: FastAPI, kind: Kind, ask: Callable[[Question, Request], Awai
     route.__annotations__["question"] = kind.question  # by which the framework reads the body
     name = kind.path.replace("-", "_")
     app.post(f"/v1/{kind.path}", response_model=kind.answer, name=name, description=kind.about)(route)
+
+
+def _describe(app: FastAPI, described: Route) -> None:
+    """For the API's description: hot/server.py sends what is asked on this route past the framework."""
+
+    async def passed(body: dict[str, Any]) -> Response:
+        raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
+
+    name = described.path.removeprefix("/v1/").replace("/", "_")
+    app.post(described.path, response_model=None, name=name, description=described.about)(passed)
 
 
 def _refuse_vehicles_in_bodies(app: FastAPI) -> None:

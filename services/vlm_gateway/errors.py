@@ -21,7 +21,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any, ClassVar, Literal
 
-from service_kit.errors import ServiceError, error_answers
+from service_kit.errors import BadQuestion, ServiceError, error_answers
 
 FallbackReason = Literal[
     "unreachable", "timeout", "overloaded", "rate_limited", "server_key", "not_found", "context_length", "rejected"
@@ -129,6 +129,13 @@ class CacheUnavailable(ServiceError):
 class ScriptEnded(ServiceError):
     status = 409
     code = "script_ended"
+
+
+def invalid(where: str, problem: str) -> BadQuestion:
+    """What is wrong with the field at `where`."""
+    return BadQuestion(
+        f"{where}: {problem}", code="invalid", details={"problems": [{"field": where, "problem": problem}]}
+    )
 
 
 def kind_of(error: ServiceError) -> str:

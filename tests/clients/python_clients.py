@@ -192,12 +192,55 @@ def with_pydantic_ai(url: str, key: str, picture: str) -> dict[str, Any]:
     }
 
 
+def with_anthropic(url: str, key: str, picture: str) -> dict[str, Any]:
+    import anthropic
+
+    client = anthropic.Anthropic(base_url=url.removesuffix("/v1"), api_key=key, max_retries=0)
+    tool = {"name": "product", "description": "of two numbers", "input_schema": TOOL["function"]["parameters"]}
+    source = {"type": "base64", "media_type": "image/jpeg", "data": picture.partition(",")[2]}
+    seen = [{"type": "text", "text": "what is it?"}, {"type": "image", "source": source}]
+
+    def ask(messages: list[Any], **more: Any) -> Any:
+        return client.messages.create(model=MODEL, max_tokens=100, messages=messages, **more)
+
+    first = ask(SUM, tools=[tool])
+    used = next(block for block in first.content if block.type == "tool_use")
+    assert (first.stop_reason, used.input) == ("tool_use", {"a": 6, "b": 7})
+    result = {"type": "tool_result", "tool_use_id": used.id, "content": "42"}
+    turns = [*SUM, {"role": "assistant", "content": first.content}, {"role": "user", "content": [result]}]
+    with client.messages.stream(model=MODEL, max_tokens=100, messages=HELLO, system="Be kind.") as stream:
+        streamed = "".join(stream.text_stream)
+        final = stream.get_final_message()
+    with client.messages.stream(model=MODEL, max_tokens=100, messages=SUM, tools=[tool]) as calling:
+        called = calling.get_final_message()
+    assert (called.stop_reason, called.content[-1].input) == ("tool_use", {"a": 6, "b": 7})
+    with client.messages.stream(model=MODEL, max_tokens=100, messages=ENDLESS) as endless:
+        words = iter(endless.text_stream)
+        begun = [next(words) for _ in range(3)]
+    try:
+        client.messages.create(model="nobody", max_tokens=100, messages=HELLO)
+        missing = ""
+    except anthropic.NotFoundError as error:
+        missing = str(error.body["error"]["code"])
+    return {
+        "chat": ask(HELLO).content[0].text,
+        "picture": ask([{"role": "user", "content": seen}]).content[0].text,
+        "stream": streamed,
+        "usage": final.usage.output_tokens,
+        "tools": ask(turns, tools=[tool]).content[0].text,
+        "models": [model.id for model in client.models.list()],
+        "missing": missing,
+        "begun": len(begun),
+    }
+
+
 CLIENTS: dict[str, Callable[[str, str, str], dict[str, Any]]] = {
     "openai": with_openai,
     "litellm": with_litellm,
     "langchain-openai": with_langchain,
     "instructor": with_instructor,
     "pydantic-ai": with_pydantic_ai,
+    "anthropic": with_anthropic,
 }
 
 if __name__ == "__main__":

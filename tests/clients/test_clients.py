@@ -39,7 +39,7 @@ EXPECTED: dict[str, Any] = {
     "missing": "model_not_found",
     "begun": 3,
 }
-PYTHON = {"openai": 10, "litellm": 6, "langchain-openai": 6, "instructor": 3, "pydantic-ai": 6}
+PYTHON = {"openai": 10, "litellm": 6, "langchain-openai": 6, "instructor": 3, "pydantic-ai": 6, "anthropic": 8}
 NODE = {"openai": 8, "ai": 6}
 
 

@@ -1,12 +1,13 @@
 """Asking the models for a chat: which ones, in which order, and what of their answers is kept and counted."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 from service_kit.errors import NotFound, ServiceError
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.errors import ModelError, ModelRejected
-from services.vlm_gateway.hot.exchange import Stored
+from services.vlm_gateway.hot.answers import Stored
 from services.vlm_gateway.hot.fitting import PictureFitter
 from services.vlm_gateway.hot.model_call import ModelCall
 from services.vlm_gateway.hot.relay import Course, Pieces, Relayed
@@ -18,6 +19,7 @@ from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.tracking import NO_TRACER, Tracer
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.upstream.events import ChatReader, outcome_of
+from services.vlm_gateway.upstream.forms import CHAT, Form
 from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.upstream.replies import Said, Spent
 from services.vlm_gateway.upstream.stream import ChatStream
@@ -32,24 +34,28 @@ class Answered(NamedTuple):
     outcome: str
 
 
-class ChatCall(NamedTuple):
-    """A chat that nobody knows the answer to. `targets` are asked in turn; `digest` is what the answer is to be kept
-    under, empty where it is not to be kept."""
+class ModelRequest(NamedTuple):
+    """A request that nobody knows the answer to. `targets` are asked in turn, on the route that `form` is, with what
+    `body` makes of the request for each (BadQuestion: `bad_image`). `estimate` is what it may use. `digest` is what the
+    answer is to be kept under, empty where it is not to be kept. `wants_usage`: the caller asks what a stream cost;
+    `limits_length`: an answer that is cut is what was asked for."""
 
     targets: Sequence[Upstream]
-    scanned: Scanned
-    chat: Chat
-    trace: bytes | None
-    digest: str
+    form: Form
+    body: Callable[[Upstream], Awaitable[Sequence[Buffer]]]
+    estimate: Spent
+    trace: bytes | None = None
+    digest: str = ""
+    wants_usage: bool = False
+    limits_length: bool = False
 
     def in_turn(self) -> Iterator[tuple[Upstream, Upstream | None]]:
         """Every target with the one that comes after it."""
         return zip(self.targets, [*self.targets[1:], None], strict=True)
 
-    @property
-    def estimate(self) -> Spent:
-        """What it may use."""
-        return estimated(len(self.scanned.skeleton), len(self.scanned.pictures), self.chat.max_tokens)
+    def counts(self, target: Upstream) -> bool:
+        """Whether a target is asked what a stream cost without its caller wanting to know."""
+        return self.form.counts_when_asked and target.accepts.counts_streams and not self.wants_usage
 
 
 class Models:
@@ -107,13 +113,27 @@ class Models:
         known = ", ".join(mine) or "none; configure one with backend 'chat'"
         return NotFound(f"{why}; chat models: {known}", code="model_not_found", details={"models": mine})
 
-    async def whole(self, call: ChatCall) -> Answered:
+    def chat(self, scanned: Scanned, chat: Chat, key: Key, trace: bytes | None, digest: str) -> ModelRequest:
+        """What is to be asked for a chat. Raises NotFound, Forbidden or BadQuestion."""
+        estimate = estimated(len(scanned.skeleton), len(scanned.pictures), chat.max_tokens)
+        return ModelRequest(
+            self.asked(chat, key),
+            CHAT,
+            partial(self._chat_body, scanned, chat),
+            estimate,
+            trace,
+            digest,
+            chat.wants_usage,
+            chat.limits_length,
+        )
+
+    async def whole(self, call: ModelRequest) -> Answered:
         """Target by target, until one answers. Raises OverBudget as well."""
         for target, after in call.in_turn():
             asked = await self._begin(target, call)
             try:
-                answer = await target.whole(await self._body(target, call), asked.trace, asked.asked)
-                if answer.said.message is None:
+                answer = await target.whole(await call.body(target), asked.trace, asked.asked, call.form)
+                if answer.said.message is None and call.form is CHAT:
                     raise target.no_choice()
             except ModelError as error:
                 asked.failed(error)
@@ -123,14 +143,14 @@ class Models:
             except BaseException:
                 asked.given_up()
                 raise
-            outcome = _outcome(answer.said, call.chat.limits_length)
+            outcome = _outcome(answer.said, call.limits_length) if call.form is CHAT else "answered"
             asked.ended(answer.said.tokens)
             if outcome == "answered":
                 self._keep(call, target, Stored(target.alias, False, answer.body))
             return Answered(target.alias, answer.body, outcome)
         raise AssertionError("there is at least one target")
 
-    async def events(self, call: ChatCall, course: Course) -> Pieces:
+    async def events(self, call: ModelRequest, course: Course) -> Pieces:
         """A stream's bytes as they come, once one of the targets has something to say. Kept whole, with its end seen,
         or not at all. What was passed on is paid for, however it ends. Raises OverBudget as well."""
         for target, after in call.in_turn():
@@ -157,13 +177,14 @@ class Models:
                 raise
             finally:
                 stream.close()
-                asked.ended(_used(stream.said, call.estimate), failed)
-            course.outcome = stream.said.outcome(call.chat.limits_length)
+                course.used = _used(stream.said, call.estimate)
+                asked.ended(course.used, "" if stream.said.done else failed)  # who has it all may leave
+            course.outcome = stream.said.outcome(call.limits_length)
             if course.outcome == "answered" and (whole := relayed.whole) is not None:
                 self._keep(call, target, Stored(target.alias, True, whole))
             return
 
-    async def _begin(self, target: Upstream, call: ChatCall) -> ModelCall:
+    async def _begin(self, target: Upstream, call: ModelRequest) -> ModelCall:
         """A call to one target, its estimate reserved. Raises OverBudget."""
         bill = self._accounts.bill(asking.get(), target.alias, call.estimate)
         if bill.is_bounded:
@@ -171,25 +192,25 @@ class Models:
         span = self._tracer.model_call(call.trace, target.provider, target.model.config.model, target.alias)
         return ModelCall(target, bill, self._metrics, span, call.trace)
 
-    async def _body(self, target: Upstream, call: ChatCall) -> list[Buffer]:
-        """The request in this target's words, its pictures scaled where the target takes no such ones. Raises
-        BadQuestion (`bad_image`)."""
-        pictures, accepts = call.chat.pictures, target.accepts
+    async def _chat_body(self, scanned: Scanned, chat: Chat, target: Upstream) -> list[Buffer]:
+        """A chat in this target's words, its pictures scaled where the target takes no such ones. Raises BadQuestion
+        (`bad_image`)."""
+        pictures, accepts = chat.pictures, target.accepts
         scaled = await self._fitter.fitted(pictures, accepts.pictures) if pictures else None
-        return rewritten(call.scanned, call.chat, accepts, scaled)
+        return rewritten(scanned, chat, accepts, scaled)
 
-    async def _opened(self, target: Upstream, call: ChatCall, asked: ModelCall) -> ChatStream:
+    async def _opened(self, target: Upstream, call: ModelRequest, asked: ModelCall) -> ChatStream:
         """The stream of one target. A server that does not know how to count a stream's tokens isn't asked to again."""
         while True:
-            counting = target.accepts.counts_streams and not call.chat.wants_usage
+            counting = call.counts(target)
             try:
-                body = await self._body(target, call)
-                return await target.stream(body, asked.trace, asked.asked, without_usage=counting)
+                body = await call.body(target)
+                return await target.stream(body, asked.trace, asked.asked, call.form, without_usage=counting)
             except ModelRejected as error:
                 if not counting or not target.refuses_to_count(error):
                     raise
 
-    def _keep(self, call: ChatCall, target: Upstream, answer: Stored) -> None:
+    def _keep(self, call: ModelRequest, target: Upstream, answer: Stored) -> None:
         """Unless another model stood in: its answer is not the one that was asked for."""
         if call.digest and self._cache is not None and target is call.targets[0]:
             self._cache.put(call.digest, answer.written())

@@ -3,21 +3,23 @@
 import asyncio
 import time
 from collections.abc import Iterable
-from typing import ClassVar, NamedTuple, Protocol, Self
+from typing import ClassVar, Protocol
 
 from fastapi.responses import Response
 from uvicorn.protocols.http.flow_control import FlowControl
 from uvicorn.protocols.http.httptools_impl import STATUS_LINE
 from uvicorn.server import ServerState
 
-from contracts.errors import ErrorBody, ErrorDetail
 from contracts.vlm_gateway import CacheResult
-from service_kit.errors import ServiceError, error_response
+from service_kit.errors import ServiceError
 from service_kit.requests import EXPOSED, Origins
+from services.vlm_gateway.hot.answers import event_of, rendered, too_large
 from services.vlm_gateway.hot.deadline import Deadline, caller_left
 from services.vlm_gateway.hot.head import Head, Header, head_of
+from services.vlm_gateway.hot.routes import Route
 from services.vlm_gateway.keys import ANYBODY, Key
 from services.vlm_gateway.tracking import NO_SPAN, Span, Tracer
+from services.vlm_gateway.upstream.replies import Spent
 
 _EXPOSE = b"access-control-expose-headers: " + ", ".join(EXPOSED).encode() + b"\r\nvary: origin\r\n"
 
@@ -40,9 +42,11 @@ class Exchange:
     message_event: ClassVar[asyncio.Event] = asyncio.Event()  # nobody waits for it
 
     def __init__(
-        self, line: Line, headers: list[Header], keep_alive: bool, expects_100: bool, max_body_bytes: int
+        self, line: Line, route: Route, headers: list[Header], keep_alive: bool, expects_100: bool, max_body_bytes: int
     ) -> None:
         self._line = line
+        self.route = route
+        self.adapter = None if route.adapter is None else route.adapter()
         self._headers = headers
         self._expects_100 = expects_100
         self._max_body_bytes = max_body_bytes
@@ -146,20 +150,44 @@ class Exchange:
 
     def answer(self, body: bytes, kind: bytes, outcome: str = "answered") -> None:
         """The whole answer."""
+        if self.adapter is not None:
+            body = self.adapter.answer(body)
+        self._write_whole(body, kind)
+        self.outcome = outcome
+        self._complete()
+
+    def replay(self, events: bytes, kind: bytes) -> None:
+        """A stream that is known from beginning to end."""
+        if self.adapter is not None:
+            events = self.adapter.piece(events) + self.adapter.end(Spent())
+        self._write_whole(events, kind)
+        self.outcome = "answered"
+        self._complete()
+
+    def _write_whole(self, body: bytes, kind: bytes) -> None:
         length = str(len(body)).encode()
         headers = ((b"content-type", kind), (b"content-length", length), (b"x-cache", self.cache.encode()))
         self._write(self._head(200, headers) + body)
         self.sent = len(body)
-        self.outcome = outcome
-        self._complete()
 
-    def tell(self, answer: Response) -> None:
-        """An answer of another kind: an error."""
+    def fail(self, error: ServiceError) -> None:
+        """An error: the answer, or where a stream has begun its last event."""
+        name = self.request_id.decode("latin-1")
+        if not self.response_started:
+            self._tell(rendered(error) if self.adapter is None else self.adapter.error(error, name))
+        elif not self.response_complete:
+            body = event_of(error) if self.adapter is None else self.adapter.last(error, name)
+            self._write(_chunk(body) + b"0\r\n\r\n")
+            self._complete()
+
+    def _tell(self, answer: Response) -> None:
         self._write(self._head(answer.status_code, answer.raw_headers) + answer.body)
         self._complete()
 
     async def piece(self, body: bytes, kind: bytes) -> None:
         """A piece of a streamed answer, once the caller has room for it."""
+        if self.adapter is not None and not (body := self.adapter.piece(body)):
+            return
         if not self.response_started:
             headers = ((b"content-type", kind), (b"cache-control", b"no-store"), (b"x-cache", self.cache.encode()))
             self._write(self._head(200, (*headers, (b"transfer-encoding", b"chunked"))))
@@ -168,15 +196,11 @@ class Exchange:
         self.sent += len(body)
         self._write(_chunk(body))
 
-    def end(self, outcome: str) -> None:
+    def end(self, outcome: str, used: Spent) -> None:
         """The end of a streamed answer."""
         self.outcome = outcome
-        self._write(b"0\r\n\r\n")
-        self._complete()
-
-    def last(self, body: bytes) -> None:
-        """The end of a streamed answer that is none."""
-        self._write(_chunk(body) + b"0\r\n\r\n")
+        last = b"" if self.adapter is None else self.adapter.end(used)
+        self._write((_chunk(last) if last else b"") + b"0\r\n\r\n")
         self._complete()
 
     def close(self) -> None:
@@ -243,40 +267,3 @@ _every = _EveryAnswer()
 
 def _chunk(body: bytes) -> bytes:
     return b"%x\r\n%s\r\n" % (len(body), body)
-
-
-def too_large(limit: int) -> ServiceError:
-    """The body is over its bound."""
-    message = f"the body is over this route's limit of {limit} bytes; send less"
-    return ServiceError(message, code="body_too_large", status=413)
-
-
-def rendered(error: ServiceError) -> Response:
-    """An error as an answer."""
-    return error_response(error.status, error.code, error.message, error.details, error.headers)
-
-
-def event_of(error: ServiceError) -> bytes:
-    """An error as the last event of a stream."""
-    body = ErrorBody(error=ErrorDetail(code=error.code, message=error.message, details=error.details))
-    return b"\n\ndata: " + body.model_dump_json().encode() + b"\n\n"  # first ends whatever line was cut
-
-
-class Stored(NamedTuple):
-    """An answer as it is kept: a line with its kind and its model's alias, then its bytes."""
-
-    alias: str
-    stream: bool
-    body: bytes
-
-    def written(self) -> bytes:
-        return f"{'sse' if self.stream else 'json'} {self.alias}\n".encode() + self.body
-
-    @classmethod
-    def read(cls, value: bytes) -> Self | None:
-        """None where the bytes are none of ours."""
-        line, separator, body = value.partition(b"\n")
-        kind, _, alias = line.partition(b" ")
-        if not separator or kind not in (b"sse", b"json") or not alias or len(alias) > 80:
-            return None
-        return cls(alias.decode("ascii", "replace"), kind == b"sse", body)

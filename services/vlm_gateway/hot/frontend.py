@@ -12,12 +12,10 @@ The answer's bytes are the model server's own.
 """
 
 import asyncio
-import json
 import logging
 from collections.abc import Callable
 from functools import partial
 
-from blake3 import blake3
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from contracts.health import Access
@@ -30,32 +28,34 @@ from services.vlm_gateway.cache.port import CacheDown
 from services.vlm_gateway.config import ChatLimits
 from services.vlm_gateway.errors import CacheUnavailable, ModelError, NotRecorded, kind_of
 from services.vlm_gateway.flights import Flights
-from services.vlm_gateway.hot.calls import Answered, ChatCall, Models
+from services.vlm_gateway.hot.answers import Stored, rendered, too_large
+from services.vlm_gateway.hot.calls import Answered, ModelRequest, Models
 from services.vlm_gateway.hot.deadline import too_late
-from services.vlm_gateway.hot.exchange import Exchange, Stored, event_of, rendered, too_large
+from services.vlm_gateway.hot.digests import Digests
+from services.vlm_gateway.hot.exchange import Exchange
+from services.vlm_gateway.hot.further import further
 from services.vlm_gateway.hot.head import Head, head_of
 from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.relay import Broadcast, Course
-from services.vlm_gateway.hot.scan import Scanned, read, scan
-from services.vlm_gateway.hot.server import PATH, CallerProtocol
-from services.vlm_gateway.keys import ANYBODY, Forbidden, Key, Keys, Unauthorised, asking
+from services.vlm_gateway.hot.scan import read, scan
+from services.vlm_gateway.hot.server import CallerProtocol
+from services.vlm_gateway.keys import ANYBODY, Forbidden, Keys, Unauthorised, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.tracking import NO_TRACER, Tracer, identified, request_id
+from services.vlm_gateway.upstream.forms import CHAT
 
 log = logging.getLogger(__name__)
 
 ADMIN_PATHS = frozenset({"/metrics", "/v1/status"})
 BIG_SKELETON_BYTES = 256 * 1024
 """From here on what is left of a body is parsed in a thread, so that other callers are still answered."""
-FORMAT = b"2"
-"""Part of every key; raise it when the form of the stored answers changes."""
 
 _JSON = b"application/json"
 _EVENTS = b"text/event-stream; charset=utf-8"
 
 
 class Frontend:
-    """Chats, whole, and an ASGI app for everything else: that of the framework, behind the same keys."""
+    """Chats and their like, whole, and an ASGI app for everything else: that of the framework, behind the same keys."""
 
     def __init__(
         self,
@@ -89,9 +89,7 @@ class Frontend:
         """The models or keys have changed, and these are the limits."""
         self._limits = limits
         self.max_body_bytes = limits.body_bytes
-        self._default = self.models.default or ""
-        self._hashes: dict[Key, blake3] = {}
-        self._configured = blake3(FORMAT + json.dumps(self.models.fingerprint).encode()).digest()
+        self._digests = Digests(self.models.fingerprint, self.models.default or "")
 
     @property
     def http_protocol(self) -> Callable[..., asyncio.Protocol]:
@@ -138,8 +136,8 @@ class Frontend:
             return "wrong_token" if authorization else "missing_token"
         return "open" if key is ANYBODY else "granted"
 
-    async def chat(self, exchange: Exchange) -> None:
-        """One chat, its errors and its figures."""
+    async def serve(self, exchange: Exchange) -> None:
+        """One request to a model, its errors and its figures."""
         self._http.in_flight += 1
         try:
             head = exchange.head
@@ -157,7 +155,7 @@ class Frontend:
         except ServiceError as error:
             self._fail(error, exchange)
         except Exception as error:
-            log.error("unexpected error in a chat", exc_info=error)
+            log.error("unexpected error in a request to a model", exc_info=error)
             message = "an unexpected error; the service's log has the details"
             self._fail(ServiceError(message), exchange)
         finally:
@@ -170,12 +168,9 @@ class Frontend:
         exchange.outcome = kind_of(error)
         if error.status in (401, 429) and not isinstance(error, ModelError):
             self._metrics.refused(exchange.key.name, error.code)
-        if not exchange.response_started:
-            if error.status == 408:
-                exchange.keep_alive = False  # what is left of the body is not waited for
-            exchange.tell(rendered(error))
-        elif not exchange.response_complete:
-            exchange.last(event_of(error))
+        if not exchange.response_started and error.status == 408:
+            exchange.keep_alive = False  # what is left of the body is not waited for
+        exchange.fail(error)
 
     async def _watched(self, head: Head, exchange: Exchange) -> None:
         """The chat, for as long as its caller stays and is going to wait."""
@@ -189,7 +184,10 @@ class Frontend:
                 raw = await without_encoding(raw, head.encoding.decode("latin-1"), self.max_body_bytes)
             if limit_s is not None:
                 deadline.limit(max(0.001, limit_s - exchange.took_s()), partial(too_late, limit_s))
-            await self._served(head, raw, exchange)
+            if exchange.route.form is CHAT:
+                await self._chat(head, raw if exchange.adapter is None else exchange.adapter.request(raw), exchange)
+            else:
+                await self._further(raw, exchange)
         except asyncio.CancelledError:
             if deadline.why is None:
                 raise
@@ -198,22 +196,35 @@ class Frontend:
             task.uncancel()
             raise deadline.why from None
 
-    async def _served(self, head: Head, raw: bytes, exchange: Exchange) -> None:
+    async def _further(self, raw: bytes, exchange: Exchange) -> None:
+        big = len(raw) > BIG_SKELETON_BYTES
+        asked = partial(further, exchange.route.form, raw, self.models, exchange.key, exchange.trace)
+        call, stream = await asyncio.to_thread(asked) if big else asked()
+        exchange.alias = call.targets[0].alias
+        if stream:
+            await self._stream(call, exchange)
+        else:
+            self._answer(exchange, await self.models.whole(call))
+
+    async def _chat(self, head: Head, raw: bytes, exchange: Exchange) -> None:
         scanned = scan(raw)
         cache, digest = self._cache, ""
         replay = cache is not None and cache.mode == "replay"
         if cache is not None and (replay or (scanned.says_temperature_0 if head.cache is None else head.cache)):
             exchange.cache = "miss"
-            digest = self._digest(exchange.key, scanned)
+            digest = self._digests.of(exchange.key, scanned)
             if (stored := await self._known(digest, cache)) is not None:
                 exchange.alias, exchange.cache = stored.alias, "hit"
-                exchange.answer(stored.body, _EVENTS if stored.stream else _JSON)
+                if stored.stream:
+                    exchange.replay(stored.body, _EVENTS)
+                else:
+                    exchange.answer(stored.body, _JSON)
                 return
         big = len(scanned.skeleton) > BIG_SKELETON_BYTES
         scanned, chat = await asyncio.to_thread(read, scanned, self._limits) if big else read(scanned, self._limits)
         if digest and not (chat.deterministic or head.cache or replay):
             digest, exchange.cache = "", "off"
-        call = ChatCall(self.models.asked(chat, exchange.key), scanned, chat, exchange.trace, digest)
+        call = self.models.chat(scanned, chat, exchange.key, exchange.trace, digest)
         exchange.alias = call.targets[0].alias
         if replay:
             message = (
@@ -235,19 +246,6 @@ class Frontend:
         exchange.alias = answered.alias  # another model than the one that was asked may have given it
         exchange.answer(answered.body, _JSON, answered.outcome)
 
-    def _digest(self, key: Key, scanned: Scanned) -> str:
-        """What an answer is kept under: everything that says who may have it and what it depends on."""
-        prefix = self._hashes.get(key)
-        if prefix is None:
-            may = None if key.models is None else sorted(key.models)
-            prefix = blake3(self._configured + json.dumps([key.tenant, may]).encode() + b"\n")
-            self._hashes[key] = prefix
-        digest = prefix.copy()
-        digest.update(scanned.raw)
-        if b'"model"' not in scanned.skeleton:
-            digest.update(b"\n" + self._default.encode())
-        return digest.hexdigest()
-
     async def _known(self, digest: str, cache: GuardedCache) -> Stored | None:
         """What is kept under `digest`. Raises CacheUnavailable in replay mode."""
         if self._flights.flies(digest) or digest in self._streams:
@@ -263,7 +261,7 @@ class Frontend:
             self._metrics.cache_failed("get", "unreadable")
         return stored
 
-    async def _stream(self, call: ChatCall, exchange: Exchange) -> None:
+    async def _stream(self, call: ModelRequest, exchange: Exchange) -> None:
         """A stream relayed as it comes. Errors before the first event leave as ordinary error answers, one in the
         middle as a last event."""
         if call.digest:
@@ -284,14 +282,15 @@ class Frontend:
                 await exchange.piece(piece, _EVENTS)
         finally:
             await pieces.aclose()
-        exchange.end(course.outcome)
+        exchange.end(course.outcome, course.used)
 
     def _count(self, exchange: Exchange) -> None:
         took_s = exchange.took_s()
         exchange.end_span()
-        self._http.requests.add(PATH, "POST", str(exchange.status))
-        self._http.seconds.add(PATH, "POST", value=took_s)
+        path, form = exchange.route.path, exchange.route.form
+        self._http.requests.add(path, "POST", str(exchange.status))
+        self._http.seconds.add(path, "POST", value=took_s)
         if exchange.alias:
-            self._metrics.called("chat", "chat", exchange.alias, exchange.outcome, exchange.cache, took_s)
+            self._metrics.called(form.name, "chat", exchange.alias, exchange.outcome, exchange.cache, took_s)
         if self._log.wants(exchange.status):
             self._log.add(**exchange.facts(took_s))

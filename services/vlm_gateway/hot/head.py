@@ -46,10 +46,13 @@ class Head(NamedTuple):
 def head_of(headers: Iterable[Header]) -> Head:
     """Names are in lower case. What is written wrongly is found when it is used."""
     found = dict(headers)
+    authorization = found.get(b"authorization")
+    if authorization is None and (key := found.get(b"x-api-key")) is not None:
+        authorization = b"Bearer " + key  # as Anthropic's clients send it
     length = found.get(b"content-length", b"0")
     trace = found.get(b"traceparent")
     return Head(
-        found.get(b"authorization"),
+        authorization,
         found.get(b"content-type"),
         found.get(b"content-encoding"),
         found.get(b"origin"),

@@ -7,18 +7,21 @@ from dataclasses import dataclass
 
 from services.vlm_gateway.cache.guard import MAX_VALUE_BYTES
 from services.vlm_gateway.errors import ModelUnreachable
+from services.vlm_gateway.upstream.replies import Spent
 
 MAX_SHARED_BYTES = 8 * 1024 * 1024
 
+NOTHING = Spent()
 Pieces = AsyncGenerator[bytes, None]
 
 
 @dataclass(slots=True)
 class Course:
-    """What became of a streamed call so far: which model answers, and once it ended, how."""
+    """What became of a streamed call so far: which model answers, and once it ended, how, and what it used."""
 
     alias: str
     outcome: str = "unfinished"
+    used: Spent = NOTHING
 
 
 class Relayed:

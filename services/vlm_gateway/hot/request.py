@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from service_kit.errors import BadQuestion
 from services.vlm_gateway.config import ChatLimits
+from services.vlm_gateway.errors import invalid
 from services.vlm_gateway.pictures import ChatPicture, CutOuts, inline_picture
 from services.vlm_gateway.upstream.accepted import STANDARD_IMAGE, STANDARD_MESSAGE, STANDARD_PART
 
@@ -205,10 +206,3 @@ def unknown_parts(kinds: frozenset[str], alias: str) -> BadQuestion:
 
 def _is_int(value: object) -> bool:
     return isinstance(value, int) and not isinstance(value, bool)
-
-
-def invalid(where: str, problem: str) -> BadQuestion:
-    """What is wrong with the field at `where`."""
-    return BadQuestion(
-        f"{where}: {problem}", code="invalid", details={"problems": [{"field": where, "problem": problem}]}
-    )

@@ -16,7 +16,8 @@ import pybase64
 from jiter import from_json
 
 from services.vlm_gateway.config import ChatLimits
-from services.vlm_gateway.hot.request import Chat, check_chat, invalid
+from services.vlm_gateway.errors import invalid
+from services.vlm_gateway.hot.request import Chat, check_chat
 from services.vlm_gateway.pictures import CutOut
 from services.vlm_gateway.upstream.http_reply import Buffer
 

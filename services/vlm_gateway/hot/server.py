@@ -1,4 +1,4 @@
-"""Chats straight from the socket and back; everything else goes the framework's way.
+"""Chats and their like straight from the socket and back; everything else goes the framework's way.
 
 uvicorn hands a body on in pieces, each with a message, an event, a copy and a pause of the socket: for a chat with a
 picture that takes longer than all that is done about it here. So a chat's body is gathered, and its answer written,
@@ -17,20 +17,19 @@ from service_kit.errors import ServiceError
 from service_kit.http_limits import OpenConnections
 from service_kit.http_protocol import ServiceProtocol
 from services.vlm_gateway.hot.exchange import Exchange
+from services.vlm_gateway.hot.routes import BY_PATH, Route
 
-PATH = "/v1/chat/completions"
 MAX_AHEAD = 4
 """More requests than these, sent before an answer has come, are left on the socket; while there are fewer it is read,
 so that a caller who leaves is noticed."""
-_PATH = PATH.encode()
 
 
 class ChatServer(Protocol):
-    """Who serves the chats."""
+    """Who serves chats and what else models are asked."""
 
     max_body_bytes: int
 
-    def chat(self, exchange: Exchange) -> Coroutine[Any, Any, None]: ...
+    def serve(self, exchange: Exchange) -> Coroutine[Any, Any, None]: ...
 
 
 class CallerProtocol(ServiceProtocol):
@@ -46,11 +45,13 @@ class CallerProtocol(ServiceProtocol):
 
     def on_request(self) -> None:
         self._coming = None
-        if self.parser.get_method() != b"POST" or not self._is_chat():
+        route = self._route() if self.parser.get_method() == b"POST" else None
+        if route is None:
             super().on_request()
             return
         keep_alive = self.parser.get_http_version() != "1.0" and self.parser.should_keep_alive()
-        exchange = Exchange(self, self.headers, keep_alive, self.expect_100_continue, self._frontend.max_body_bytes)
+        limit = self._frontend.max_body_bytes
+        exchange = Exchange(self, route, self.headers, keep_alive, self.expect_100_continue, limit)
         before, self.cycle = self.cycle, cast(RequestResponseCycle, exchange)  # as far as its connection looks at it
         self._coming = exchange
         if before is None or before.response_complete:
@@ -74,8 +75,8 @@ class CallerProtocol(ServiceProtocol):
         else:
             self._coming.came_whole()
 
-    def _is_chat(self) -> bool:
-        return self.url == _PATH or unquote_to_bytes(httptools.parse_url(self.url).path or b"") == _PATH
+    def _route(self) -> Route | None:
+        return BY_PATH.get(self.url) or BY_PATH.get(unquote_to_bytes(httptools.parse_url(self.url).path or b""))
 
     # -- what the connection does
 
@@ -99,7 +100,7 @@ class CallerProtocol(ServiceProtocol):
 
     def _serve(self, exchange: Exchange) -> None:
         self._served = exchange
-        task = self.loop.create_task(self._frontend.chat(exchange))
+        task = self.loop.create_task(self._frontend.serve(exchange))
         exchange.begins(task)
         self.tasks.add(task)
         task.add_done_callback(self.tasks.discard)

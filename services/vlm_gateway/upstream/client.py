@@ -21,9 +21,10 @@ from services.vlm_gateway.upstream.accepted import accepted
 from services.vlm_gateway.upstream.attempt import Attempt, Request
 from services.vlm_gateway.upstream.choice import EndpointChoice, Mark
 from services.vlm_gateway.upstream.endpoint import Endpoint
+from services.vlm_gateway.upstream.forms import CHAT, Form
 from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Stream
 from services.vlm_gateway.upstream.probing import Prober
-from services.vlm_gateway.upstream.replies import Api, ReplyReader, Said, said_in
+from services.vlm_gateway.upstream.replies import Answer, Api, ReplyReader, said_in
 from services.vlm_gateway.upstream.retries import RetryBudget, loading_pause_s, retry_pause_s
 from services.vlm_gateway.upstream.stream import ChatStream, late
 
@@ -31,7 +32,6 @@ T = TypeVar("T")
 log = logging.getLogger(__name__)
 _COUNTING = re.compile(r"stream_options|include_usage")
 MAX_REPLY_BYTES = 8 * 1024 * 1024
-CHATS = "/chat/completions"
 
 
 class Call(NamedTuple):
@@ -40,13 +40,6 @@ class Call(NamedTuple):
     api: Api
     url: str
     body: bytes
-
-
-class Answer(NamedTuple):
-    """`body` is the server's reply as it came."""
-
-    body: bytes
-    said: Said
 
 
 class Completion(NamedTuple):
@@ -132,29 +125,34 @@ class Upstream:
         body: Sequence[Buffer],
         trace: bytes | None,
         sending: Callable[[], None],
-        route: str = CHATS,
-        api: Api = "openai",
+        form: Form = CHAT,
     ) -> Answer:
-        """One whole reply to a chat in OpenAI's form, or on another route; `sending` is told when the server is about
+        """One whole reply to a chat, or on another route; `sending` is told when the server is about
         to be asked. Raises as `ask` does."""
 
         async def once(attempt: Attempt) -> Answer:
             sending()
-            return await self._whole(attempt, api)
+            return await self._whole(attempt, form.api)
 
-        return await self._admitted(Request(route, body, trace), once)
+        return await self._admitted(Request(form.route, body, trace), once)
 
     async def stream(
-        self, body: Sequence[Buffer], trace: bytes | None, sending: Callable[[], None], *, without_usage: bool
+        self,
+        body: Sequence[Buffer],
+        trace: bytes | None,
+        sending: Callable[[], None],
+        form: Form = CHAT,
+        *,
+        without_usage: bool,
     ) -> ChatStream:
         """The reply once there is something in it for the caller; its place is held until that is closed. Raises as
         `ask` does."""
 
         async def once(attempt: Attempt) -> ChatStream:
             sending()
-            return await self._stream(attempt, without_usage)
+            return await self._stream(attempt, without_usage, form)
 
-        return await self._admitted(Request(CHATS, body, trace), once)
+        return await self._admitted(Request(form.route, body, trace), once)
 
     async def _admitted(self, wanted: Request, once: Callable[[Attempt], Awaitable[T]], *, patient: bool = False) -> T:
         """`once`, with a place of the model's and as often as it takes; a stream keeps its place until it is closed."""
@@ -240,14 +238,15 @@ class Upstream:
             call.succeeded()
             return Answer(self._replies.masked(body), said)
 
-    async def _stream(self, attempt: Attempt, without_usage: bool) -> ChatStream:
+    async def _stream(self, attempt: Attempt, without_usage: bool, form: Form) -> ChatStream:
         call, deadline = attempt.call, attempt.deadline
         opened: Stream | ChatStream | None = None
         begun = False
         try:
             stream = opened = await attempt.endpoint.pool.stream(attempt.request(), deadline)
             if stream.status != 200 or not stream.headers.get(b"content-type", b"").startswith(b"text/event-stream"):
-                raise self._no_stream(stream.status, await stream.rest(deadline, MAX_REPLY_BYTES), stream.headers)
+                rest = await stream.rest(deadline, MAX_REPLY_BYTES)
+                raise self._no_stream(stream.status, rest, stream.headers, form.api)
             opened = ChatStream(
                 stream,
                 self._replies,
@@ -255,6 +254,7 @@ class Upstream:
                 alias=self.alias,
                 timeout_s=self._timeout_s,
                 without_usage=without_usage,
+                said=form.reader(),
             )
             await opened.begin(deadline)
             begun = True
@@ -270,13 +270,13 @@ class Upstream:
                     opened.close()
                 call.close()
 
-    def _no_stream(self, status: int, body: bytes, headers: dict[bytes, bytes]) -> ModelError:
+    def _no_stream(self, status: int, body: bytes, headers: dict[bytes, bytes], api: Api) -> ModelError:
         """What a reply is that is no stream: an error with its status or inside a 200, a proxy's page, or the answer of
         a server that knows no streams."""
         if status != 200:
             return self._replies.refusal(status, body, said_in(headers))
         try:
-            self._replies.said("openai", body, headers)
+            self._replies.said(api, body, headers)
         except ModelError as error:
             return error
         return self._replies.unreachable("it answers a stream with a single reply", "no_stream")

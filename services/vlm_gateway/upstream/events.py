@@ -147,17 +147,33 @@ class ChatReader:
         if not isinstance(said, dict):
             self.error = said if named_error else None
             return ("error" if named_error else "nothing"), event
-        error = error_inside(said)
-        if error is None and (named_error or ("choices" not in said and "detail" in said)):
-            error = said
+        error = self._error_in(said, named_error)
         if error is not None:
             self.error = error
             return "error", event
         kind = self._chunk(said)
         passed_on = _without_usage(event, data, said) if without_usage and "usage" in said else event
-        if kind == "content" and (words := _only_words(said)):
+        if kind == "content" and (words := self._only_words(said)):
             self._plain.learn(event, passed_on, words)
         return kind, passed_on
+
+    def _error_in(self, said: dict[str, Any], named_error: bool) -> object:
+        """The error that an event holds or is, or None."""
+        error = error_inside(said)
+        if error is None and (named_error or ("choices" not in said and "detail" in said)):
+            return said
+        return error
+
+    def _only_words(self, said: dict[str, Any]) -> str:
+        """The words of a chunk that says nothing else; empty where it does."""
+        choice = said["choices"][0]
+        delta = choice.get("delta") if isinstance(choice, dict) else None
+        if len(said["choices"]) > 1 or not isinstance(delta, dict) or choice.get("finish_reason"):
+            return ""
+        telling = [name for name, value in delta.items() if value and name != "role"]
+        words = delta.get("content")
+        counted = said.get("usage") or choice.get("usage")
+        return words if telling == ["content"] and isinstance(words, str) and not counted else ""
 
     def _chunk(self, said: dict[str, Any]) -> Kind:
         """A chunk of the completion."""
@@ -197,18 +213,6 @@ class ChatReader:
             found = True
             self._characters += len(value) if isinstance(value, str) else len(to_json(value)) // 2
         return found
-
-
-def _only_words(said: dict[str, Any]) -> str:
-    """The words of a chunk that says nothing else; empty where it does."""
-    choice = said["choices"][0]
-    delta = choice.get("delta") if isinstance(choice, dict) else None
-    if len(said["choices"]) > 1 or not isinstance(delta, dict) or choice.get("finish_reason"):
-        return ""
-    telling = [name for name, value in delta.items() if value and name != "role"]
-    words = delta.get("content")
-    counted = said.get("usage") or choice.get("usage")
-    return words if telling == ["content"] and isinstance(words, str) and not counted else ""
 
 
 def outcome_of(finish_reason: str | None, *, has_content: bool, refused: bool, length_asked_for: bool) -> str:

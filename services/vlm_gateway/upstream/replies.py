@@ -65,6 +65,13 @@ class Said(NamedTuple):
     tokens: Spent
 
 
+class Answer(NamedTuple):
+    """`body` is the server's reply as it came."""
+
+    body: bytes
+    said: Said
+
+
 class ReplyReader:
     """For the model `alias`, whose key `secret` must not appear in any message."""
 

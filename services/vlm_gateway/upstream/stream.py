@@ -37,8 +37,9 @@ class ChatStream:
         alias: str,
         timeout_s: float,
         without_usage: bool,
+        said: ChatReader,
     ) -> None:
-        self.said = ChatReader()
+        self.said = said
         self._stream = stream
         self._replies = replies
         self._call = call

@@ -1,0 +1,95 @@
+"""A chat's answer, whole, as a message; and an error as Anthropic's clients read it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic_core import from_json
+
+from service_kit.errors import ServiceError
+from services.vlm_gateway.upstream.replies import Spent, tokens_of
+
+_STOPPED = {
+    "stop": "end_turn",
+    "length": "max_tokens",
+    "tool_calls": "tool_use",
+    "function_call": "tool_use",
+    "content_filter": "refusal",
+}
+_ERRORS = {
+    400: "invalid_request_error",
+    401: "authentication_error",
+    402: "billing_error",
+    403: "permission_error",
+    404: "not_found_error",
+    413: "request_too_large",
+    422: "invalid_request_error",
+    429: "rate_limit_error",
+    503: "overloaded_error",
+    504: "timeout_error",
+    529: "overloaded_error",
+}
+
+
+def stop_reason(finish_reason: object, *, refused: bool = False) -> str:
+    """In Anthropic's words."""
+    return "refusal" if refused else _STOPPED.get(str(finish_reason), "end_turn")
+
+
+def usage_of(used: Spent) -> dict[str, int]:
+    return {"input_tokens": used.prompt, "output_tokens": used.completion}
+
+
+def message(number: str, model: str, content: list[dict[str, Any]], used: Spent) -> dict[str, Any]:
+    """A message that has not ended yet."""
+    return {
+        "id": f"msg_{number}",
+        "type": "message",
+        "role": "assistant",
+        "model": model,
+        "content": content,
+        "stop_reason": None,
+        "stop_sequence": None,
+        "usage": usage_of(used),
+    }
+
+
+def message_of(body: bytes, model: str) -> dict[str, Any]:
+    """The message that a completion's body is. The body was read before: it holds a choice."""
+    completion = from_json(body)
+    choice = completion["choices"][0]
+    said: Mapping[str, Any] = choice["message"]
+    text = said.get("content") or said.get("refusal")
+    content: list[dict[str, Any]] = [{"type": "text", "text": text}] if isinstance(text, str) else []
+    content += [_tool_use(call) for call in said.get("tool_calls") or []]
+    made = message(str(completion.get("id") or ""), model, content, tokens_of(completion.get("usage")))
+    refused = bool(said.get("refusal"))
+    called = stop_reason(choice.get("finish_reason"), refused=refused)
+    # some servers end a turn that calls a tool with "stop"
+    made["stop_reason"] = "tool_use" if called == "end_turn" and said.get("tool_calls") else called
+    return made
+
+
+def _tool_use(call: Mapping[str, Any]) -> dict[str, Any]:
+    function = call.get("function") or {}
+    return {"type": "tool_use", "id": call.get("id"), "name": function.get("name"), "input": _input(function)}
+
+
+def _input(function: Mapping[str, Any]) -> dict[str, Any]:
+    """A tool's arguments; what is no JSON object is told as it came."""
+    said = function.get("arguments") or "{}"
+    try:
+        found = from_json(said)
+    except ValueError:
+        found = None
+    return found if isinstance(found, dict) else {"arguments": said}
+
+
+def status_of(error: ServiceError) -> int:
+    """The status under which Anthropic's clients expect such an error."""
+    return 400 if error.status == 422 else error.status
+
+
+def error_body(error: ServiceError, request_id: str) -> dict[str, Any]:
+    kind = _ERRORS.get(error.status, "api_error" if error.status >= 500 else "invalid_request_error")
+    told = {"type": kind, "message": error.message, "code": error.code, "details": error.details}
+    return {"type": "error", "error": told, "request_id": request_id}

@@ -1,0 +1,61 @@
+"""The routes on which models are asked as their servers are: which there are, and what a caller speaks on each."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+from fastapi.responses import Response
+
+from service_kit.errors import ServiceError
+from services.vlm_gateway.anthropic.adapter import MessagesAdapter
+from services.vlm_gateway.upstream.forms import CHAT, COMPLETIONS, EMBEDDINGS, RESPONSES, Form
+from services.vlm_gateway.upstream.replies import Spent
+
+
+class Adapter(Protocol):
+    """Between one exchange's caller, who speaks otherwise, and a chat."""
+
+    def request(self, raw: bytes) -> bytes:
+        """The chat that is meant. Raises BadQuestion."""
+
+    def answer(self, body: bytes) -> bytes:
+        """A whole answer."""
+
+    def piece(self, piece: bytes) -> bytes:
+        """What of a stream's piece is to be told; may be empty."""
+
+    def end(self, used: Spent) -> bytes:
+        """The end of a stream that ended well."""
+
+    def error(self, error: ServiceError, request_id: str) -> Response: ...
+    def last(self, error: ServiceError, request_id: str) -> bytes:
+        """An error as the last event of a stream."""
+
+
+class Route(NamedTuple):
+    """`adapter` makes one for an exchange; None where the caller speaks as the model's server does."""
+
+    path: str
+    form: Form
+    about: str
+    adapter: Callable[[], Adapter] | None = None
+
+
+_PASSED = "passed through to a chat model's server; nothing is kept."
+ROUTES = (
+    Route(
+        "/v1/chat/completions",
+        CHAT,
+        "OpenAI's chat completions for the configured chat models, streamed or not. `x-cache: on` or `off` in the "
+        "request overrides that only answers at temperature 0 are cached.",
+    ),
+    Route(
+        "/v1/messages",
+        CHAT,
+        "Anthropic's messages, streamed or not, of the same models: asked, kept and answered as chats.",
+        MessagesAdapter,
+    ),
+    Route("/v1/completions", COMPLETIONS, f"OpenAI's completions, streamed or not, {_PASSED}"),
+    Route("/v1/responses", RESPONSES, f"OpenAI's responses, streamed or not, {_PASSED}"),
+    Route("/v1/embeddings", EMBEDDINGS, f"OpenAI's embeddings, {_PASSED}"),
+)
+BY_PATH = {route.path.encode(): route for route in ROUTES}
