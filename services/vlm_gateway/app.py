@@ -24,7 +24,7 @@ from contracts.vlm_gateway import (
     Question,
 )
 from service_kit.app import create_app, json_response
-from service_kit.errors import BadQuestion, NotFound, ServiceError, error_response
+from service_kit.errors import BadQuestion, NotFound, error_response
 from service_kit.json_route import JsonRoute
 from service_kit.metrics import HttpMetrics
 from service_kit.metrics_pages import MetricsPages
@@ -40,7 +40,7 @@ from services.vlm_gateway.hot.calls import Models
 from services.vlm_gateway.hot.deadline import caller_left, stated_timeout_s, too_late
 from services.vlm_gateway.hot.frontend import Frontend
 from services.vlm_gateway.hot.log import RequestLog
-from services.vlm_gateway.hot.routes import ROUTES, Route
+from services.vlm_gateway.hot.routes import describe
 from services.vlm_gateway.keys import Keys, asking
 from services.vlm_gateway.metrics import gauge
 from services.vlm_gateway.questions import Kind
@@ -149,8 +149,7 @@ def build_app(
     for kind in gateway.kinds:
         _add_route(app, kind, ask)
 
-    for described in ROUTES:
-        _describe(app, described)
+    describe(app)
 
     def entry(alias: str) -> dict[str, object]:
         backend = gateway.backends[alias]
@@ -223,16 +222,6 @@ def _add_route(app: FastAPI, kind: Kind, ask: Callable[[Question, Request], Awai
     route.__annotations__["question"] = kind.question  # by which the framework reads the body
     name = kind.path.replace("-", "_")
     app.post(f"/v1/{kind.path}", response_model=kind.answer, name=name, description=kind.about)(route)
-
-
-def _describe(app: FastAPI, described: Route) -> None:
-    """For the API's description: hot/server.py sends what is asked on this route past the framework."""
-
-    async def passed(body: dict[str, Any]) -> Response:
-        raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
-
-    name = described.path.removeprefix("/v1/").replace("/", "_")
-    app.post(described.path, response_model=None, name=name, description=described.about)(passed)
 
 
 def _refuse_vehicles_in_bodies(app: FastAPI) -> None:

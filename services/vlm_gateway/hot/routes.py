@@ -1,8 +1,9 @@
 """The routes on which models are asked as their servers are: which there are, and what a caller speaks on each."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
+from fastapi import FastAPI
 from fastapi.responses import Response
 
 from service_kit.errors import ServiceError
@@ -40,7 +41,7 @@ class Route(NamedTuple):
     adapter: Callable[[], Adapter] | None = None
 
 
-_PASSED = "passed through to a chat model's server; nothing is kept."
+_THROUGH = "passed through to a chat model's server; nothing is kept."
 ROUTES = (
     Route(
         "/v1/chat/completions",
@@ -54,8 +55,19 @@ ROUTES = (
         "Anthropic's messages, streamed or not, of the same models: asked, kept and answered as chats.",
         MessagesAdapter,
     ),
-    Route("/v1/completions", COMPLETIONS, f"OpenAI's completions, streamed or not, {_PASSED}"),
-    Route("/v1/responses", RESPONSES, f"OpenAI's responses, streamed or not, {_PASSED}"),
-    Route("/v1/embeddings", EMBEDDINGS, f"OpenAI's embeddings, {_PASSED}"),
+    Route("/v1/completions", COMPLETIONS, f"OpenAI's completions, streamed or not, {_THROUGH}"),
+    Route("/v1/responses", RESPONSES, f"OpenAI's responses, streamed or not, {_THROUGH}"),
+    Route("/v1/embeddings", EMBEDDINGS, f"OpenAI's embeddings, {_THROUGH}"),
 )
 BY_PATH = {route.path.encode(): route for route in ROUTES}
+
+
+def describe(app: FastAPI) -> None:
+    """All of them for the API's description: `server.py` sends what is asked on them past the framework."""
+    for route in ROUTES:
+        name = route.path.removeprefix("/v1/").replace("/", "_")
+        app.post(route.path, response_model=None, name=name, description=route.about)(_passed)
+
+
+async def _passed(body: dict[str, Any]) -> Response:
+    raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
