@@ -7,6 +7,7 @@ from pydantic import AliasChoices, AliasPath, ConfigDict, Field, JsonValue
 from contracts.base import Metres, Name, Unit, Wire
 from contracts.cameras import Camera, default_rig
 from contracts.depth_assist import ApproachAnswer, DirectionPoint, ExploreDrawing, PlanPoint, ViewpointAnswer
+from contracts.flight_limits import GuardAction, RefusalReason
 from contracts.geometry import Point2, Point3, PointLabel, Pose
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import DeliveryResult, OpenQuestion
@@ -239,6 +240,16 @@ class LostData(Wire):
     blocked: bool
 
 
+class RefusedData(Wire):
+    """The flight guard refused a flight along `path`, and where on it; `action`: what it had the drone do instead,
+    `none` where another plan is worth trying."""
+
+    reason: RefusalReason
+    at: Point3 | None
+    path: tuple[Point3, ...]
+    action: GuardAction
+
+
 EventData: TypeAlias = (
     NoData
     | ParsedData
@@ -255,6 +266,7 @@ EventData: TypeAlias = (
     | TurnData
     | ApproachData
     | LostData
+    | RefusedData
     | Verdict
     | DeliveryResult
 )

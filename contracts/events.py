@@ -29,6 +29,7 @@ from contracts.event_data import (
     NoData,
     ParsedData,
     PlacedData,
+    RefusedData,
     SearchData,
     Seconds,
     StandOffData,
@@ -140,6 +141,11 @@ class LostEvent(MissionEvent):
     data: LostData
 
 
+class RefusedEvent(MissionEvent):
+    kind: Literal["refused"] = "refused"
+    data: RefusedData
+
+
 class VerdictEvent(MissionEvent):
     kind: Literal["verdict"] = "verdict"
     data: Verdict
@@ -174,6 +180,7 @@ KnownEvent: TypeAlias = (
     | TurnEvent
     | ApproachEvent
     | LostEvent
+    | RefusedEvent
     | VerdictEvent
     | ResultEvent
 )

@@ -7,6 +7,7 @@ from pydantic import AwareDatetime, BeforeValidator, ConfigDict, Field, JsonValu
 from contracts.base import Metres, ModelName, Name, Unit, Wire
 from contracts.cameras import Rig, default_rig, flyable, shipped_rig
 from contracts.depth_assist import ApproachSettings
+from contracts.flight_limits import FlightLimits
 from contracts.geometry import Pose
 from contracts.scene import Scene
 from contracts.sensor_profiles import SensorFault, Sensors, sensors_by_name
@@ -25,6 +26,7 @@ OutcomeName = Literal[
     "floor_not_found",
     "answer_unreadable",
     "blocked",
+    "stopped_by_guard",
     "model_unreachable",
     "service_unreachable",
     "vehicle_lost",
@@ -78,7 +80,8 @@ def _rig_by_name(given: object) -> object:
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role.
     `rig`: the cameras of a simulated drone, as a document or by a shipped rig's name; `image_size`: the longer side of
-    every camera's pictures in pixels, null as the rig says. `sensors`: what a simulated drone senses with, as a
+    every camera's pictures in pixels, null as the rig says. `limits`: narrower ones than the operator's, whose own
+    always hold. `sensors`: what a simulated drone senses with, as a
     document or by a shipped profile's name, null as the scene says; `faults`: of its sensors, for tests.
     `ground_floor`: how a plain "first floor" counts, as in `ParseQuestion`; null as the parser is set up."""
 
@@ -98,6 +101,7 @@ class MissionSettings(Wire):
     max_model_failures: int = Field(default=3, ge=0, le=20)
     rig: Annotated[Rig, BeforeValidator(_rig_by_name)] = Field(default_factory=default_rig)
     image_size: int | None = Field(default=None, ge=64, le=1600)
+    limits: FlightLimits | None = None
     sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
     faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
     seed: int = Field(default=0, ge=0, le=2**31 - 1)

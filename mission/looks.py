@@ -16,7 +16,6 @@ from contracts.geometry import Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.vehicle import Observation, SensedView
 from mission.ports import ServiceRefused
-from navigation import sensing
 from navigation.camera import Camera, DepthView, fewest
 from navigation.sensing import read_views
 
@@ -140,11 +139,6 @@ def look_of(observation: Observation, wanted: Sequence[str], shown_m: float = 0.
     except BadImage as error:
         raise ServiceRefused(f"the vehicle sent a bad picture: {error}", code="garbled", status=502) from None
     return Look(observation, sights)
-
-
-def shown_reach_m(look: Look) -> float:
-    """How far the depth sensors show by this look that they reach; at most `FAR_M`."""
-    return min(FAR_M, sensing.shown_reach_m([DepthView(sight.camera, sight.depth_m) for sight in look.all]))
 
 
 def joined(seen: Sequence[Observation], wanted: Sequence[str]) -> Look:

@@ -10,8 +10,10 @@ import logging
 from collections.abc import Callable
 from dataclasses import replace
 
+from contracts.flight_limits import FlightLimits
 from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from mission.advance import run
+from mission.clearances import within_limits
 from mission.customer import Customer
 from mission.placement import Placement
 from mission.policies import completed, policy_of
@@ -40,13 +42,17 @@ class Mission:
         settings: MissionSettings,
         events: Log,
         *,
+        limits: FlightLimits | None = None,
         customer: Customer | None = None,
         keep: Keep | None = None,
     ) -> None:
-        """Without a `customer` nobody is asked: a request that leaves something open ends the mission. Raises BadSearch
-        for a search policy that there is not, or settings that it has not got."""
-        settings = completed(settings)
-        self._context = MissionContext(ports, placement, settings, policy_of(settings.viewpoint), events, customer)
+        """`limits`: the operator's, which the settings may tighten. Without a `customer` nobody is asked: a request
+        that leaves something open ends the mission. Raises BadSearch for a search policy that there is not, or settings
+        that it has not got."""
+        limits = (limits or FlightLimits()).tightened(settings.limits)
+        settings = within_limits(completed(settings), limits)
+        policy = policy_of(settings.viewpoint)
+        self._context = MissionContext(ports, placement, settings, policy, events, limits, customer)
         self._keep = keep
 
     async def fly(self, request: str, key: str | None = None) -> DeliveryResult:

@@ -51,6 +51,16 @@ class LookUnderWay(Wire):
     seen: tuple[Observation, ...] = ()
 
 
+class GuardMemory(Wire):
+    """What the flight guard knows of a mission's earlier flights: where it started, how high reaches what depth has
+    shown beside the drone, how far the depth sensors have shown that they reach, and the corners of the way flown."""
+
+    home: Pose
+    top_m: float | None = None
+    reach_m: Metres = 0.0
+    flown: tuple[Point3, ...] = ()
+
+
 class MissionState(Wire):
     """All that a mission knows between two stops. `key` names the delivery: a trial is begun with it, once.
 
@@ -58,7 +68,8 @@ class MissionState(Wire):
     `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
     flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
     flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
-    look that takes several stops. `reach_m`: how far the depth sensors have shown that they reach. `silent_looks`
+    look that takes several stops. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
+    flights that it has refused since the last one it let happen. `silent_looks`
     counts useless answers in a row, `approaches` those begun and given up. `counted_at`: the number of moves
     when a stop was counted last, for several questions at one place are one stop. `events`: the number of the last
     event; `seconds`: wall time by part."""
@@ -82,7 +93,8 @@ class MissionState(Wire):
     building_box: Box | None = None
     memory: dict[str, JsonValue] = {}
     looking: LookUnderWay | None = None
-    reach_m: Metres = 0.0
+    guard: GuardMemory | None = None
+    refusals: int = 0
     exploration_steps: int = 0
     silent_looks: int = 0
     approaches: int = 0

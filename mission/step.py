@@ -6,17 +6,20 @@ tells how far it came.
 
 import time
 from collections.abc import Awaitable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
-from contracts.event_data import EventData, MoveData, NoData, TurnData
+from contracts.event_data import EventData, MoveData, NoData, RefusedData, TurnData
+from contracts.flight_limits import FlightLimits, GuardAction
 from contracts.geometry import Point3, Pose
 from contracts.llm_parser import ParseAnswer
 from contracts.orchestrator import MissionSettings, ModelCalls, OutcomeName, Phase, Stop
-from contracts.vehicle import Move, MoveResult, Observation, VehicleCapabilities, VehicleState
+from contracts.vehicle import Move, Observation, VehicleCapabilities, VehicleState
 from contracts.vlm_gateway import Answer, Role
 from mission.customer import Customer
-from mission.looks import FAR_M, Look, Sight, look_of, navigation_camera, shown_reach_m
+from mission.frames import FINAL, FlightRefused
+from mission.guard import GuardedVehicle, guarded
+from mission.looks import Look, Sight, look_of, navigation_camera
 from mission.model_calls import Reply, ask
 from mission.placement import Placement
 from mission.places import point_of, spoken
@@ -24,8 +27,19 @@ from mission.policies.base import AnyPolicy
 from mission.ports import Ports
 from mission.record import Log, Pictures
 from mission.state import MissionState, PlannedFlight
-from mission.vehicle import Vehicle
 from mission.wording import with_article
+
+MAX_REFUSALS = 4
+"""After so many refusals in a row no plan will do."""
+
+LOOKS_AGAIN = 2
+"""A look that can't be trusted is made again so often."""
+_DONE: dict[GuardAction, str] = {
+    "none": "stays",
+    "hold": "holds where it is",
+    "return": "flew back and landed",
+    "land": "landed where it was",
+}
 
 T = TypeVar("T")
 A = TypeVar("A", bound=Answer | ParseAnswer)
@@ -42,9 +56,9 @@ class MissionEnd(Exception):
 
 @dataclass(frozen=True)
 class Drone:
-    """The vehicle that is flown, and what it says that it is."""
+    """The vehicle that is flown, behind the flight guard, and what it says that it is."""
 
-    vehicle: Vehicle
+    vehicle: GuardedVehicle
     capabilities: VehicleCapabilities
 
     @property
@@ -77,14 +91,15 @@ class Drone:
 @dataclass(frozen=True)
 class MissionContext:
     """What a mission is flown with: the services, where the drone comes from, every setting, the log. None of it is
-    part of the state; whoever carries a mission on brings its own. `customer` is null where nobody can be asked,
-    `drone` before it has been looked up."""
+    part of the state; whoever carries a mission on brings its own. `limits`: of every flight. `customer` is null where
+    nobody can be asked, `drone` before it has been looked up."""
 
     ports: Ports
     placement: Placement
     settings: MissionSettings
     policy: AnyPolicy
     log: Log
+    limits: FlightLimits = field(default_factory=FlightLimits)
     customer: Customer | None = None
     drone: Drone | None = None
 
@@ -92,7 +107,7 @@ class MissionContext:
         """The same with the state's vehicle at hand. Raises PortError."""
         if self.drone is not None or state.vehicle is None:
             return self
-        vehicle = await self.placement.resume(state.vehicle)
+        vehicle = await guarded(await self.placement.resume(state.vehicle), self.limits, state.guard)
         return replace(self, drone=Drone(vehicle, await vehicle.connect()))
 
 
@@ -173,19 +188,26 @@ class Step:
         return reply
 
     async def observe(self, cameras: Sequence[str]) -> Observation:
-        """These cameras' views of one moment. Raises PortError."""
-        seen = await self.timed("observe", self.drone.vehicle.observe(cameras))
+        """These cameras' views of one moment. Raises MissionEnd (stopped_by_guard) where they are frozen, stale or
+        blind, looked at again as well; PortError."""
+        vehicle = self.drone.vehicle
+        seen = await self.timed("observe", vehicle.observe(cameras))
+        for _ in range(LOOKS_AGAIN):
+            if vehicle.distrust is None:
+                break
+            seen = await self.timed("observe", vehicle.observe(cameras))
+        if vehicle.distrust is not None:
+            await self._stop(vehicle.distrust, (), f"the flight guard stops the mission: {vehicle.distrust.message}")
         for part, seconds in seen.timings_s.items():
             self.spend(part, seconds)
+        self.update(guard=self.drone.vehicle.memory)
         return seen
 
     async def look(self, cameras: Sequence[str] | None = None) -> Look:
         """One observation by these cameras, or by all. Raises PortError."""
         wanted = self.drone.cameras if cameras is None else tuple(cameras)
-        look = look_of(await self.observe(wanted), wanted, self.state.reach_m)
-        if self.state.reach_m < FAR_M:
-            self.update(reach_m=max(self.state.reach_m, shown_reach_m(look)))
-        return look
+        seen = await self.observe(wanted)
+        return look_of(seen, wanted, self.drone.vehicle.memory.reach_m)
 
     async def look_ahead(self) -> Sight:
         """The view along the nose. Raises PortError."""
@@ -195,10 +217,17 @@ class Step:
         """The next step begins with this flight."""
         self.update(flight=PlannedFlight(move=Move(path=tuple(path), yaw=yaw), why=why))
 
-    async def fly(self, flight: PlannedFlight) -> MoveResult:
-        """One move, recorded. Raises MissionEnd (collision) where the drone hit something, PortError."""
+    async def fly(self, flight: PlannedFlight) -> None:
+        """One move, recorded; one that the guard refuses is recorded as well, and not flown. Raises MissionEnd
+        (collision) where the drone hit something, (stopped_by_guard) where no other flight would be let happen either,
+        or too many were refused; PortError."""
         before, move = self.flown, flight.move
-        done = await self.timed("move", self.drone.vehicle.fly(before.moves + 1, move))
+        try:
+            done = await self.timed("move", self.drone.vehicle.fly(before.moves + 1, move))
+        except FlightRefused as refusal:
+            await self._refused(flight, refusal)
+            return
+        self.update(guard=self.drone.vehicle.memory, refusals=0 if move.path else self.state.refusals)
         trail = (*self.state.trail, *move.path[:-1], point_of(done.pose)) if move.path else self.state.trail
         self.update(drone=done.vehicle, flight=None, arrived=done.reached, trail=trail)
         kind = MoveData if move.path else TurnData
@@ -219,4 +248,21 @@ class Step:
         if done.collided or done.vehicle.collided:
             hit = f" with {done.hit}" if done.hit else ""
             raise MissionEnd("collision", f"the drone collided{hit} at {spoken(done.pose)} ({flight.why})")
-        return done
+
+    async def _refused(self, flight: PlannedFlight, refusal: FlightRefused) -> None:
+        """The guard has spoken: another plan may do better, unless nothing would. Raises MissionEnd
+        (stopped_by_guard), PortError."""
+        said = f"the flight guard refused: {refusal.message} ({flight.why})"
+        path = flight.move.path
+        self.update(flight=None, arrived=False, refusals=self.state.refusals + 1)
+        if refusal.reason in FINAL or self.state.refusals >= MAX_REFUSALS:
+            await self._stop(refusal, path, said)
+        self.write(said, RefusedData(reason=refusal.reason, at=refusal.at, path=path, action="none"))
+
+    async def _stop(self, refusal: FlightRefused, path: tuple[Point3, ...], said: str) -> None:
+        """Brings the drone where it may stay. Raises MissionEnd (stopped_by_guard), PortError."""
+        vehicle = self.drone.vehicle
+        action = await vehicle.end(refusal.reason)
+        self.write(said, RefusedData(reason=refusal.reason, at=refusal.at, path=path, action=action))
+        self.update(drone=await vehicle.state(), guard=vehicle.memory)
+        raise MissionEnd("stopped_by_guard", f"stopped for safety: {refusal.message}; the drone {_DONE[action]}")

@@ -191,6 +191,21 @@ def across_edge(here: WindowRows, below: WindowRows, edge_m: float) -> tuple[flo
     return here.rows
 
 
+def rows_above(here: WindowRows, edge_m: float) -> WindowRows:
+    """Without the rows that lie clearly below a band's lower edge."""
+    slack_m = _SAME_ROW_FLOORS * (here.spacing_m or 0.0)
+    kept = tuple(row for at, row in enumerate(here.rows) if here.height_m(at) >= edge_m - slack_m)
+    return here._replace(rows=kept)
+
+
+def floors_seen_again(overlap_m: float, here: Band, floors_below: float) -> int:
+    """How many floors a picture shows that were counted below band `here`, taken so much lower than the band wants:
+    by the height of the floors below."""
+    if floors_below <= 0.0 or here.lower_m <= 0.0 or overlap_m <= 0.0:
+        return 0
+    return round(min(overlap_m, here.lower_m) / (here.lower_m / floors_below))
+
+
 def down_to_ground(lowest: WindowRows) -> tuple[float, ...]:
     """The window rows of the lowest band, topmost first, with those that something hides put in at the picture's lower
     edge: an eave, a canopy or a hedge hides the ground floor from a camera that looks down on it.

@@ -108,6 +108,23 @@ def nearest_of_blocks(view: DepthView, block: int = 4) -> NDArray[np.bool_]:
     return mask
 
 
+def thinned(view: DepthView, below_px: int) -> DepthView:
+    """The view at half the size until it is less than so many pixels wide: the nearest of every two by two pixels."""
+    camera, depth = view.camera, view.depth_m
+    while camera.width >= below_px and camera.height % 2 == 0 and camera.width % 2 == 0:
+        rows = np.fmin(depth[0::2], depth[1::2])  # invalid pixels are passed over
+        depth = np.fmin(rows[:, 0::2], rows[:, 1::2])
+        camera = camera._replace(
+            width=camera.width // 2,
+            height=camera.height // 2,
+            fx_px=camera.fx_px / 2,
+            fy_px=camera.fy_px / 2,
+            cx_px=camera.cx_px / 2,
+            cy_px=camera.cy_px / 2,
+        )
+    return view._replace(camera=camera, depth_m=depth)
+
+
 def to_enu(points: Points, pose: Pose) -> Points:
     """(N, 3) nose frame to ENU."""
     forward = direction(pose.yaw, 0.0)

@@ -22,8 +22,8 @@ from navigation.camera import DepthView, Pose, pixels_of
 Bools = NDArray[np.bool_]
 
 INVALID, NO_RETURN = 0, 65535
-UNSEEN, UNKNOWN, FREE = 0, 1, 2
-"""Of a place: no camera looks there; one does, but sees no farther or nothing; one looked past it."""
+UNSEEN, UNKNOWN, HIDDEN, FREE = 0, 1, 2, 3
+"""Of a place: no camera looks there; one does, and nobody knows; a return lies before it; one looked past it."""
 
 _MEASURING_SHARE = 0.01
 """A picture with fewer returns than this share of its pixels says nothing of the rest."""
@@ -103,7 +103,8 @@ def known_share(views: Sequence[DepthView]) -> float:
 
 
 def looked_at(places: NDArray[np.floating], views: Sequence[DepthView], pose: Pose) -> NDArray[np.int8]:
-    """(N,) UNSEEN, UNKNOWN or FREE for places (N, 3) ENU, by views (of `read_views`) taken from `pose`."""
+    """(N,) UNSEEN, UNKNOWN, HIDDEN or FREE, the best that any of the views (of `read_views`) taken from `pose` says of
+    places (N, 3) ENU."""
     found = np.full(len(places), UNSEEN, np.int8)
     for view in views:
         width, height = view.camera.width, view.camera.height
@@ -114,8 +115,8 @@ def looked_at(places: NDArray[np.floating], views: Sequence[DepthView], pose: Po
             continue
         depth = _at_pixels(view, y[at].astype(np.intp), x[at].astype(np.intp))
         with np.errstate(invalid="ignore"):
-            free = depth > forward[at]
-        found[at] = np.maximum(found[at], np.where(free, FREE, UNKNOWN))
+            free, known = depth > forward[at], depth < np.float32(view.reach_m)
+        found[at] = np.maximum(found[at], np.where(free, FREE, np.where(known, HIDDEN, UNKNOWN)))
     return found
 
 

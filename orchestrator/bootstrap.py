@@ -23,7 +23,7 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         database,
         OneSimulator(services.simulated, settings.max_live_deliveries),
         Records(settings.runs_dir),
-        Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights),
+        Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights, settings.flight_limits),
         Bounds(waiting=settings.max_waiting_deliveries),
     )
     access = Access(

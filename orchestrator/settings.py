@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from pydantic import Field
 
+from contracts.flight_limits import FlightLimits
 from mission.customer import DEFAULT_PATIENCE_S
 from service_kit.connections import Connections
 from service_kit.settings import Secret, ServiceSettings, Token
@@ -56,3 +57,43 @@ class OrchestratorSettings(Connections, ServiceSettings):
     max_flights: int = Field(
         3, ge=1, le=20, description="How often a delivery is begun to be flown at most, where vehicles are lost."
     )
+    flight_geofence_m: float = Field(
+        FlightLimits().geofence_m, ge=5.0, le=5_000.0, description="How far from its start a vehicle may fly, level."
+    )
+    flight_max_height_m: float = Field(
+        FlightLimits().max_height_m, ge=2.0, le=500.0, description="How high above its start a vehicle may fly."
+    )
+    flight_roof_margin_m: float = Field(
+        FlightLimits().roof_margin_m,
+        ge=1.0,
+        le=50.0,
+        description="How far above what stands beside it a vehicle may fly.",
+    )
+    flight_min_clearance_m: float = Field(
+        FlightLimits().min_clearance_m,
+        ge=0.05,
+        le=5.0,
+        description="Beyond its own radius, from all that depth has shown.",
+    )
+    flight_max_speed_m_s: float = Field(
+        FlightLimits().max_speed_m_s, ge=0.2, le=30.0, description="How fast a vehicle may fly."
+    )
+    flight_max_s: float = Field(
+        FlightLimits().max_flight_s, ge=10.0, le=86_400.0, description="Seconds of flight, the way home included."
+    )
+    flight_battery_reserve: float = Field(
+        FlightLimits().battery_reserve, ge=0.0, le=1.0, description="Of a full charge; kept for the unforeseen."
+    )
+
+    @property
+    def flight_limits(self) -> FlightLimits:
+        """What the flight guard lets no flight exceed, whatever a delivery asks for."""
+        return FlightLimits(
+            geofence_m=self.flight_geofence_m,
+            max_height_m=self.flight_max_height_m,
+            roof_margin_m=self.flight_roof_margin_m,
+            min_clearance_m=self.flight_min_clearance_m,
+            max_speed_m_s=self.flight_max_speed_m_s,
+            max_flight_s=self.flight_max_s,
+            battery_reserve=self.flight_battery_reserve,
+        )

@@ -9,12 +9,13 @@ import contextlib
 import logging
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import zstandard
 
 from contracts.event_data import NoData
+from contracts.flight_limits import FlightLimits
 from contracts.orchestrator import DeliveryQuestion, DeliveryStatus
 from mission.mission import Mission
 from mission.stages import Ended, NeedsAnswer, PlaceDrone, Preflight, ReadRequest
@@ -41,11 +42,13 @@ LONGEST_RETRY_S = 5.0
 @dataclass(frozen=True)
 class Policy:
     """What is done about trouble. `answer_within_s`: how long customers are waited for; `service_within_s`: how long
-    a service that does not answer is asked again; `flights`: how often a delivery is begun to be flown at most."""
+    a service that does not answer is asked again; `flights`: how often a delivery is begun to be flown at most;
+    `limits`: of every flight."""
 
     answer_within_s: float
     service_within_s: float
     flights: int
+    limits: FlightLimits = field(default_factory=FlightLimits)
 
 
 @dataclass(frozen=True)
@@ -249,7 +252,8 @@ class Turn:
         self._contact = Contact()
         ports, placement = self._tools.hangar.flown_with(self._vehicle, self._order)
         watched = WatchedPlacement(placement, self._contact)
-        return Mission(ports, watched, self._order.settings, self._log, customer=self._customer)
+        limits = self._tools.policy.limits
+        return Mission(ports, watched, self._order.settings, self._log, limits=limits, customer=self._customer)
 
     def _ended(self, state: MissionState, reason: Ending) -> MissionState:
         if isinstance(state.stage, Ended) and state.stage.outcome != "cancelled":

@@ -42,6 +42,8 @@ TIGHT_CLEARANCE_M = 0.25
 MAX_ASIDES = 2
 """How often a thing that no way leads to is looked at from another side before the search goes on."""
 
+REFUSED = "the flight guard refused the way there"
+
 LegStage = CheckCandidate | CloseIn | SqueezeIn
 Leg = type[CheckCandidate] | type[CloseIn] | type[SqueezeIn]
 AfterLook = LegStage | ClaimWindow | LookRound | LeaveBlocked
@@ -84,6 +86,8 @@ async def face_candidate(step: Step, approach: Approach) -> FaceCandidate | Afte
 
 async def check_candidate(step: Step, approach: Approach) -> AfterLook:
     """After a leg to a thing that is not confirmed yet. Raises MissionEnd (answer_unreadable), PortError."""
+    if step.state.refusals:
+        return _give_up(step, approach, REFUSED, blocked=True)
     looked = await _look_after_leg(step, approach)
     if looked is None:
         return CheckCandidate(approach=approach)
@@ -101,6 +105,8 @@ async def check_candidate(step: Step, approach: Approach) -> AfterLook:
 
 async def close_in(step: Step, approach: Approach, leg: type[CloseIn] | type[SqueezeIn]) -> AfterLook:
     """After a leg to a confirmed thing. Raises MissionEnd (answer_unreadable), PortError."""
+    if step.state.refusals:
+        return _give_up(step, approach, REFUSED, blocked=True)
     looked = await _look_after_leg(step, approach)
     if looked is None:
         return leg(approach=approach)

@@ -5,6 +5,7 @@ from dataclasses import replace
 from contracts.event_data import ParsedData, PlacedData
 from contracts.llm_parser import ParseQuestion
 from contracts.vlm_gateway import PreflightQuestion
+from mission.guard import guarded
 from mission.model_calls import Answered
 from mission.places import spoken
 from mission.questions import left_open, missing_fields, question_of
@@ -61,12 +62,13 @@ async def place_drone(step: Step) -> MeasureStandOff:
     step.enter("place", "placing the drone")
     vehicle = await step.timed("place", step.context.placement.begin(step.state.key))
     step.update(vehicle=vehicle.name)
-    drone = Drone(vehicle, await vehicle.connect())
-    step.context = replace(step.context, drone=drone)
     state = await vehicle.state()
     if state.mode == "landed":
         state = await vehicle.take_off(step.settings.take_off_height_m)
-    step.update(drone=state, renderer=await step.context.placement.renderer(vehicle.name))
+    behind_guard = await guarded(vehicle, step.context.limits, step.state.guard)
+    drone = Drone(behind_guard, await vehicle.connect())
+    step.context = replace(step.context, drone=drone)
+    step.update(drone=state, guard=behind_guard.memory, renderer=await step.context.placement.renderer(vehicle.name))
     step.write(
         f"the drone is at {spoken(state.pose)}: {drone.capabilities.kind}",
         PlacedData(vehicle=vehicle.name, vehicle_kind=drone.capabilities.kind, pose=state.pose, cameras=drone.cameras),

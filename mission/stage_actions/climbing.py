@@ -1,28 +1,52 @@
-"""Straight up or down along the facade, and once more from a little farther off where that way is not free."""
+"""Straight up or down along the facade: no higher than what stands there has shown itself to be, and once more from a
+little farther off where that way is not free."""
 
 from mission.places import above, ahead
-from mission.stages import AfterClimb, CheckClimb, Climb
+from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, CountBand
 from mission.step import MissionEnd, Step
 
 BACK_OFF_M = 1.0
 CLOSE_ENOUGH_M = 0.05
+BELOW_CEILING_M = 0.1
 
 
 async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb:
-    """Plans the flight, the nose kept."""
+    """Plans the flight, the nose kept; up to the height that is allowed as yet. Raises MissionEnd (floor_not_found)
+    where the building ends far below."""
     pose = step.pose
     if abs(pose.z - stage.to_m) < CLOSE_ENOUGH_M:
         return stage.then
-    step.plan_flight((above(pose, stage.to_m),), pose.yaw, stage.why)
-    return CheckClimb(to_m=stage.to_m, why=stage.why, then=stage.then, attempt=stage.attempt)
+    to_m = stage.to_m
+    if to_m > pose.z:
+        to_m = min(to_m, step.drone.vehicle.ceiling_m - BELOW_CEILING_M)
+        if to_m < pose.z + CLOSE_ENOUGH_M:
+            return _over_the_roof(step, stage)
+    step.plan_flight(
+        (above(pose, to_m),), pose.yaw, stage.why if to_m == stage.to_m else f"{stage.why}, as far as seen"
+    )
+    return CheckClimb.model_validate(stage.model_dump(exclude={"at"}))
 
 
 async def check_climb(step: Step, stage: CheckClimb) -> Climb | AfterClimb:
-    """Raises MissionEnd (blocked) where neither attempt came through."""
-    if step.state.arrived:
-        return stage.then
+    """Raises MissionEnd (blocked) where neither attempt came through; PortError."""
     pose = step.pose
+    if step.state.arrived:
+        if stage.to_m - pose.z < CLOSE_ENOUGH_M:
+            return stage.then
+        await step.look_ahead()  # what is seen from here may let it go on
+        return Climb.model_validate(stage.model_dump(exclude={"at"}))
     if stage.attempt == "from_farther_off":
         raise MissionEnd("blocked", f"the way to {stage.to_m:.1f} m height is not free above {pose.z:.1f} m")
     step.plan_flight((ahead(pose, 180.0, BACK_OFF_M),), pose.yaw, "a little farther off the facade")
     return Climb(to_m=stage.to_m, why=stage.why, then=stage.then, attempt="from_farther_off")
+
+
+def _over_the_roof(step: Step, stage: Climb) -> AfterClimb:
+    """As high as is allowed over what stands here: what is to be seen from higher up can't be of this building."""
+    high = f"nothing here is higher than {step.drone.vehicle.ceiling_m - step.drone.vehicle.limits.roof_margin_m:.1f} m"
+    floor = step.state.floor
+    if isinstance(stage.then, BoxBuilding):
+        raise MissionEnd("floor_not_found", f"{high}: there is no floor {floor} at {stage.to_m:.1f} m")
+    if isinstance(stage.then, CountBand) and step.pose.z < stage.then.band.lower_m:
+        raise MissionEnd("floor_not_found", f"{high}, and no floor {floor} was found up to there")
+    return stage.then

@@ -148,11 +148,17 @@ def _held_against_rows(step: Step, final: FinalHeight, sight: Sight, count: Coun
 
 
 def _across_edge(count: Count, sight: Sight, stage: BandCount) -> Count:
-    """The count without a floor that the band below had counted, with one that neither saw, or down to the ground with
-    those that something hides."""
+    """The count without the floors that the band below had counted, with one that neither saw, or down to the ground
+    with those that something hides. A camera that must not rise to its place in the band sees part of the one below."""
+    too_low_m = stage.band.camera_m - sight.eye_z
+    if count.floors is None or (not count.rows and too_low_m <= DRIFT_M):
+        return count
     seen = _window_rows(sight, count, -1, stage.stand_off_m)
     if seen is None:
-        return count
+        below = floor_localization.floors_seen_again(too_low_m, stage.band, stage.floors_below)
+        return count._replace(floors=max(0, count.floors - below))
+    if too_low_m > DRIFT_M:
+        seen = floor_localization.rows_above(seen, stage.band.lower_m)
     rows = floor_localization.rows_of_band(seen, stage.rows_below, stage.band)
     return count._replace(floors=len(rows), rows=rows)
 

@@ -13,8 +13,8 @@ from navigation.explorer.facade import Seed
 from navigation.explorer.goal import Decision, Goal, Room, choose_goal, next_stop
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
-from navigation.explorer.scan import Scan, panorama, thinned
-from navigation.point_cloud import Points, nearby_cloud
+from navigation.explorer.scan import Scan, panorama
+from navigation.point_cloud import Points, nearby_cloud, thinned
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -29,6 +29,7 @@ _EDGE_DEG = 5.0
 _BLIND_SHARE = 0.05
 """A panorama of which less is known shows nothing: the drone stays where it is."""
 _PATIENCE = 4
+_FINE_PX = 600
 _MOST_PLANS = 8
 _REACH_SHARE = 0.9
 _LEAST_PATCH_M = 1.0
@@ -86,7 +87,7 @@ def explore(
 
     Raises NoFacade where the first call has no wall in front of it.
     """
-    views = [thinned(view) for view in views]
+    views = [thinned(view, _FINE_PX) for view in views]
     settings = _within_reach(settings, views)
     scan = panorama(views, pose, settings.band_m, settings.body_band_m)
     walls = facade.read_walls(scan, settings)

@@ -13,7 +13,7 @@ from navigation.explorer import path
 from navigation.explorer.map import Cells, Map, cells_of, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.point_cloud import Points
-from navigation.sensing import UNKNOWN, looked_at
+from navigation.sensing import HIDDEN, UNKNOWN, looked_at
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -194,4 +194,5 @@ def _in_sight(views: Sequence[DepthView], pose: Pose, end: Floats) -> bool:
     gap = end - (pose.x, pose.y)
     share = np.linspace(0.0, 1.0, max(2, math.ceil(float(np.hypot(*gap)) / _SIGHT_STEP_M) + 1))[1:]
     places = np.array((pose.x, pose.y, pose.z)) + share[:, None] * np.array((*gap, 0.0))
-    return not (looked_at(places, views, pose) == UNKNOWN).any()
+    found = looked_at(places, views, pose)
+    return not ((found == UNKNOWN) | (found == HIDDEN)).any()

@@ -15,7 +15,6 @@ Floats = NDArray[np.float64]
 BIN_DEG = 0.5
 REACH_DEG = 135.0
 BINS = round(2 * REACH_DEG / BIN_DEG)
-_FINE_PX = 600
 _HORIZON_SHARE = 0.01
 _NEAREST_ROW_M = 1.4
 """Rows are read as steeply as they see the band from this depth on; nearer things are the corridor's business."""
@@ -87,23 +86,6 @@ def _joined(scan: Scan, view: DepthView, band_m: float, body_band_m: float) -> S
     reach = np.where(np.isnan(found), scan.reach_m, np.minimum(scan.reach_m, view.reach_m / np.maximum(away, 0.1)))
     body = np.fmin(scan.body_m, _ranges(view, below, body_band_m)[0])
     return Scan(scan.pose, np.fmin(scan.range_m, found), bearings, body, reach)
-
-
-def thinned(view: DepthView) -> DepthView:
-    """The view at half the size until it is less than 600 pixels wide: the nearest of every two by two pixels."""
-    camera, depth = view.camera, view.depth_m
-    while camera.width >= _FINE_PX and camera.height % 2 == 0 and camera.width % 2 == 0:
-        rows = np.fmin(depth[0::2], depth[1::2])  # invalid pixels are passed over
-        depth = np.fmin(rows[:, 0::2], rows[:, 1::2])
-        camera = camera._replace(
-            width=camera.width // 2,
-            height=camera.height // 2,
-            fx_px=camera.fx_px / 2,
-            fy_px=camera.fy_px / 2,
-            cx_px=camera.cx_px / 2,
-            cy_px=camera.cy_px / 2,
-        )
-    return view._replace(camera=camera, depth_m=depth)
 
 
 def level_ranges_m(view: DepthView, below_m: float, above_m: float) -> Floats:

@@ -50,12 +50,14 @@ class Leg(NamedTuple):
 class BlockVehicle:
     """Flies at `SPEED_M_S`; `pace`: seconds of wall time for a second of flight; `slow_s`: slept at every look."""
 
-    def __init__(self, block: Block, name: str, rig: Rig, *, pace: float = 0.0, slow_s: float = 0.0) -> None:
+    def __init__(
+        self, block: Block, name: str, rig: Rig, *, pace: float = 0.0, slow_s: float = 0.0, size: int = SIZE
+    ) -> None:
         self.block = block
         self.looks = 0
         self.holds = 0
         self.released = False
-        self._rig = rig.scaled_to(SIZE)
+        self._rig = rig.scaled_to(size)
         self._pace = pace
         self._slow_s = slow_s
         self._state = VehicleState(
@@ -77,6 +79,10 @@ class BlockVehicle:
     @property
     def name(self) -> str:
         return self._state.id
+
+    @property
+    def collided(self) -> bool:
+        return self._state.collided
 
     @property
     def pose(self) -> Pose:
@@ -113,7 +119,7 @@ class BlockVehicle:
         pose = self.pose
         views = []
         for camera in (known[name] for name in names):
-            grey = encode_jpeg(np.full((camera.height, camera.width, 3), 128, np.uint8))
+            grey = encode_jpeg(np.full((camera.height, camera.width, 3), _shade(pose), np.uint8))
             seen = encode_depth(self.block.depth_m(pose, camera)) if depth else None
             views.append(SensedView(camera=camera, image=grey, depth=seen))
         return Observation(vehicle=self.name, number=self.looks, pose=pose, views=tuple(views))
@@ -166,7 +172,7 @@ class BlockVehicle:
     async def _flown(self, number: int, move: Move, progress: Progress | None) -> MoveResult:
         self._set(mode="moving", moves=number)
         corners = [self._place, *_places(move.path)]
-        whole_m = sum((math.dist(a, b) for a, b in pairwise(corners)), 0.0)
+        whole_m = max(1e-9, sum((math.dist(a, b) for a, b in pairwise(corners)), 0.0))
         flown_m, yaw, hit, cancelled = 0.0, self.pose.yaw, None, False
 
         def tell(state: str, share: float) -> None:
@@ -325,6 +331,11 @@ class BlockWorld:
             line_of_sight=True,
             collided=state.collided,
         )
+
+
+def _shade(pose: Pose) -> int:
+    """No two places look the same."""
+    return round(1000.0 * (pose.x + 3.0 * pose.y + 7.0 * pose.z + 11.0 * pose.yaw)) % 251
 
 
 def _places(path: Sequence[Point3]) -> list[Place]:

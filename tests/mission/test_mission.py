@@ -372,12 +372,29 @@ class ThroughTheWall(LocalDepthAssist):
         return (await super().approach(question)).model_copy(update={"path": (inside,), "status": "clear"})
 
 
-async def test_a_collision_ends_the_mission_at_once() -> None:
+async def test_what_leads_into_a_wall_is_refused_by_the_flight_guard() -> None:
     world = BlockWorld()
     usual = block_ports(world)
     log = Events()
     ports = Ports(usual.parser, usual.vision, ThroughTheWall())
     result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    assert result.outcome == "blocked"
+    assert {e.data.reason for e in log.of("refused")} == {"clearance"}
+    assert not world.vehicles["e1"].collided
+    assert world.ended == ["e1"]
+
+
+class GlassBlock(Block):
+    """A pane stands before the facade that no depth camera sees."""
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        return min(super().distance(x, y, z), math.hypot(abs(y + 9.0), max(0.0, abs(x) - 8.0)))
+
+
+async def test_a_collision_ends_the_mission_at_once() -> None:
+    world = BlockWorld(GlassBlock())
+    log = Events()
+    result = await fly(world, log=log)
     assert result.outcome == "collision"
     assert "house" in result.message
     assert log[-1].data.hit == "house"

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from navigation.camera import DepthView, Pose, pinhole
 from navigation.sensing import (
     FREE,
+    HIDDEN,
     UNKNOWN,
     UNSEEN,
     known_share,
@@ -83,7 +84,7 @@ def test_one_invalid_pixel_is_as_its_neighbours_are() -> None:
     (view,) = read_views([street])
     x, y = 60.5 - SIZE / 2, SIZE / 2 - 40.5
     through = np.array([[d, -x / (SIZE / 2) * d, 5.0 + y / (SIZE / 2) * d] for d in (7.5, 8.5)])
-    assert looked_at(through, [view], HERE).tolist() == [FREE, UNKNOWN]
+    assert looked_at(through, [view], HERE).tolist() == [FREE, HIDDEN]
 
 
 def test_ghosts_in_an_invalid_sky_are_no_returns_and_a_pole_is_one() -> None:

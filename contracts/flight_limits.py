@@ -1,0 +1,68 @@
+"""How far a flight may go, whoever planned it: the operator's limits, which a request may tighten but never loosen."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field
+
+from contracts.base import Unit, Wire
+
+RefusalReason = Literal[
+    "geofence",
+    "below_floor",
+    "above_ceiling",
+    "clearance",
+    "unseen",
+    "speed",
+    "blind",
+    "frozen_frames",
+    "stale_frames",
+    "pose_jump",
+    "health",
+    "battery_reserve",
+    "time_limit",
+]
+"""Why the guard refused a flight.
+
+`geofence`, `below_floor`, `above_ceiling`: it would leave the space that is allowed. `clearance`: it would come too
+near to something that depth has shown. `unseen`: nobody has looked there. `speed`: the vehicle flies faster than it
+may. `blind`: depth shows nothing. `frozen_frames`, `stale_frames`: the pictures are not of now. `pose_jump`: the
+vehicle is not where it flew. `health`: it reports a problem. `battery_reserve`, `time_limit`: it has to go home."""
+
+GuardAction = Literal["none", "hold", "return", "land"]
+"""What the guard had the vehicle do: nothing, the planner may try another way; hold where it is; go back along the way
+that it has flown; land where it is."""
+
+
+class FlightLimits(Wire):
+    """Heights are above the ground at the start, distances from where the vehicle started.
+
+    `roof_margin_m`: how far above the highest thing that depth has shown beside it the vehicle may be; it is never
+    higher than `max_height_m`. `min_clearance_m`: beyond the vehicle's own radius, from all that depth has shown.
+    `battery_reserve`: of a full charge; what is left after the way home. `max_frame_age_s`: depth older than this is
+    taken anew before a flight. `max_pose_jump_m`: how far the vehicle may be from where it should be."""
+
+    geofence_m: float = Field(default=150.0, ge=5.0, le=5_000.0)
+    min_height_m: float = Field(default=0.8, ge=0.2, le=50.0)
+    max_height_m: float = Field(default=120.0, ge=2.0, le=500.0)
+    roof_margin_m: float = Field(default=6.0, ge=1.0, le=50.0)
+    min_clearance_m: float = Field(default=0.15, ge=0.05, le=5.0)
+    max_speed_m_s: float = Field(default=8.0, ge=0.2, le=30.0)
+    max_flight_s: float = Field(default=1_200.0, ge=10.0, le=86_400.0)
+    battery_reserve: Unit = 0.15
+    max_frame_age_s: Annotated[float, Field(ge=0.5, le=3_600.0)] = 60.0
+    max_pose_jump_m: float = Field(default=2.5, ge=0.2, le=20.0)
+
+    def tightened(self, by: "FlightLimits | None") -> Self:
+        """The same, and narrower wherever `by` is."""
+        if by is None:
+            return self
+        return self.model_copy(
+            update={
+                name: (max if name in _LEAST else min)(getattr(self, name), getattr(by, name))
+                for name in type(self).model_fields
+            }
+        )
+
+
+_LEAST = frozenset({"min_height_m", "min_clearance_m", "battery_reserve"})
+"""Where the larger value is the narrower limit."""

@@ -1,0 +1,278 @@
+"""The flight guard: the last to see a flight, whoever planned it. Its limits are the operator's.
+
+`GuardedVehicle` stands before every vehicle that a mission flies. It remembers what the cameras have shown and where
+the drone has been, asks `navigation.guard` before each path, watches frames, pose, battery and time, and refuses by
+name. Of what it remembers the mission's state keeps `GuardMemory`; whoever carries a mission on looks anew before it
+flies.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from contracts.flight_limits import FlightLimits, GuardAction, RefusalReason
+from contracts.geometry import Point3, Pose
+from contracts.images import BadImage, decode_depth
+from contracts.vehicle import MAX_PATH_POINTS, Move, MoveResult, Observation, VehicleCapabilities, VehicleState
+from mission.frames import FINAL, FlightRefused, FrameWatch
+from mission.looks import FAR_M, navigation_camera
+from mission.places import distance_m, point_of
+from mission.state import GuardMemory
+from mission.vehicle import Progress, Vehicle
+from navigation import guard
+from navigation.camera import DepthView, Place
+from navigation.camera import Pose as FlownPose
+from navigation.sensing import shown_reach_m
+
+LOOKS_KEPT = 12
+HERE_M = 0.5
+"""A look from farther off does not show what is about the drone."""
+FAST_SHARE = 1.15
+USUAL_ENDURANCE_S = 900.0
+"""Taken where nothing measures how fast the battery empties."""
+
+
+class GuardedVehicle:
+    """A vehicle that flies only what the guard lets it fly. The same interface as any `Vehicle`; `fly` may raise
+    FlightRefused as well. `clock`: seconds that only go forward."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        capabilities: VehicleCapabilities,
+        limits: FlightLimits,
+        memory: GuardMemory,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """`memory`: of the same mission's earlier flights."""
+        self._vehicle = vehicle
+        self._capabilities = capabilities
+        self.limits = limits
+        self._home = memory.home
+        self._clock = clock
+        self._looks: list[guard.Look] = []
+        self._looked_s = -math.inf
+        self._frames = FrameWatch(len(capabilities.cameras), limits.max_pose_jump_m)
+        self._shown_m = memory.reach_m
+        self._top_m = memory.top_m
+        self._pose: Pose | None = None
+        self._trouble: FlightRefused | None = None
+        self._corners: list[Point3] = list(memory.flown)
+
+    @property
+    def memory(self) -> GuardMemory:
+        """What whoever carries the mission on must know."""
+        return GuardMemory(home=self._home, top_m=self._top_m, reach_m=self._shown_m, flown=tuple(self._corners))
+
+    @property
+    def name(self) -> str:
+        return self._vehicle.name
+
+    @property
+    def ceiling_m(self) -> float:
+        """How high it may fly here, above ground: so far above what stands beside it, as depth has shown it."""
+        top = max(self._home.z, self._top_m if self._top_m is not None else 0.0)
+        return min(self.limits.max_height_m, top + self.limits.roof_margin_m)
+
+    @property
+    def looks(self) -> Sequence[guard.Look]:
+        """What the cameras have shown, oldest first."""
+        return self._looks
+
+    async def connect(self) -> VehicleCapabilities:
+        return await self._vehicle.connect()
+
+    async def state(self) -> VehicleState:
+        return await self._vehicle.state()
+
+    async def take_off(self, height_m: float) -> VehicleState:
+        return self._stands(await self._vehicle.take_off(height_m))
+
+    async def hold(self) -> VehicleState:
+        return self._stands(await self._vehicle.hold())
+
+    async def return_home(self) -> VehicleState:
+        """Back along the way that it has flown, which was free. Raises PortError."""
+        state = await self._vehicle.state()
+        back = self._corners[-2::-1]
+        for first in range(0, len(back), MAX_PATH_POINTS):
+            path = tuple(back[first : first + MAX_PATH_POINTS])
+            done = await self._vehicle.fly(state.moves + 1, Move(path=path))
+            state = done.vehicle
+            if not done.reached:
+                break
+        return self._stands(state)
+
+    async def land(self) -> VehicleState:
+        return self._stands(await self._vehicle.land())
+
+    async def release(self) -> None:
+        await self._vehicle.release()
+
+    async def observe(self, cameras: Sequence[str] | None = None, *, depth: bool = True) -> Observation:
+        """As the vehicle; what is seen is remembered, and whether it can be of now."""
+        seen = await self._vehicle.observe(cameras, depth=depth)
+        look = self._remember(seen)
+        if look is not None:
+            self._learn(look)
+        return seen
+
+    async def fly(self, number: int, move: Move, progress: Progress | None = None) -> MoveResult:
+        """Raises FlightRefused, PortError."""
+        state = await self._vehicle.state()
+        if state.moves < number:
+            await self._permit(move, state)
+        before = state.pose
+        done = await self._vehicle.fly(number, move, progress)
+        self._flown(before, move, done)
+        return done
+
+    async def end(self, reason: RefusalReason) -> GuardAction:
+        """Brings the vehicle where it may stay; tells what was done. Raises PortError."""
+        action = FINAL.get(reason, "hold")
+        if action == "return":
+            await self._vehicle.hold()
+            if reason == "battery_reserve" and self._way_home_s() > self._left_s(await self._vehicle.state()):
+                action = "land"
+            else:
+                await self.return_home()
+        if action == "land" or (action == "return" and self._capabilities.lands):
+            await self.land()
+        if action == "hold":
+            await self.hold()
+        return action
+
+    @property
+    def distrust(self) -> FlightRefused | None:
+        """Why the last look is not to be gone by; null where it is."""
+        return self._frames.distrust
+
+    def column_is_open(self, place: Place, to_m: float) -> bool:
+        """May it climb there, as far as depth has shown?"""
+        return guard.column_is_open(place, to_m, self._looks)
+
+    async def _permit(self, move: Move, state: VehicleState) -> None:
+        """Returns where the move may be flown. Raises FlightRefused, PortError."""
+        if self._trouble is not None:
+            raise self._trouble
+        self._check_vehicle(move, state)
+        if not move.path:
+            return
+        up_m = move.path[0].z - state.pose.z
+        if self._must_look(state, climbs=up_m > HERE_M):
+            self._remember(await self._vehicle.observe())
+        if self._frames.distrust is not None:
+            raise self._frames.distrust
+        pose = FlownPose(state.pose.x, state.pose.y, state.pose.z, state.pose.yaw)
+        path = [Place(p.x, p.y, p.z) for p in move.path]
+        flown = np.array([(c.x, c.y, c.z) for c in self._corners] or [(pose.x, pose.y, pose.z)])
+        refusal = guard.check(path, self._looks, flown, pose, self._space())
+        if refusal is not None:
+            raise FlightRefused(refusal.reason, refusal.said, Point3(x=refusal.at.x, y=refusal.at.y, z=refusal.at.z))
+
+    def _space(self) -> guard.Space:
+        limits, home = self.limits, self._home
+        radius_m = self._capabilities.radius_m + limits.min_clearance_m
+        return guard.Space(
+            Place(home.x, home.y, home.z), limits.geofence_m, limits.min_height_m, self.ceiling_m, radius_m
+        )
+
+    def _check_vehicle(self, move: Move, state: VehicleState) -> None:
+        limits = self.limits
+        if not state.health.ok:
+            raise FlightRefused("health", f"the drone reports a problem: {', '.join(state.health.problems)}")
+        if self._pose is not None and (jump_m := distance_m(self._pose, state.pose)) > limits.max_pose_jump_m:
+            raise FlightRefused("pose_jump", f"the drone says that it is {jump_m:.1f} m from where it was left")
+        needed_s = self._seconds(_path_m(state.pose, move.path)) + self._way_home_s()
+        if state.flight_s + needed_s > limits.max_flight_s:
+            raise FlightRefused("time_limit", f"{state.flight_s:.0f} s flown; {limits.max_flight_s:.0f} s are allowed")
+        if state.battery.remaining is not None and needed_s > self._left_s(state):
+            left = f"{100 * state.battery.remaining:.0f} % of the battery is left"
+            raise FlightRefused("battery_reserve", f"{left}; {100 * limits.battery_reserve:.0f} % are kept")
+
+    def _must_look(self, state: VehicleState, *, climbs: bool) -> bool:
+        """Is the last look too old, from elsewhere, or without the cameras that a climb needs?"""
+        if not self._looks or self._clock() - self._looked_s > self.limits.max_frame_age_s:
+            return True
+        last = self._looks[-1]
+        if math.dist((last.pose.x, last.pose.y, last.pose.z), (state.pose.x, state.pose.y, state.pose.z)) > HERE_M:
+            return True
+        return climbs and len(last.views) < len(self._capabilities.cameras)
+
+    def _remember(self, seen: Observation) -> guard.Look | None:
+        views = []
+        for view in seen.views:
+            if view.depth is None:
+                continue
+            try:
+                views.append(DepthView(navigation_camera(view.camera), decode_depth(view.depth)))
+            except BadImage:
+                continue  # whoever asked for the picture says what is wrong with it
+        if not views:
+            return None
+        self._frames.see(seen, views, self._pose)
+        reach_m = max(self._shown_m, min(FAR_M, shown_reach_m(views)))
+        pose = FlownPose(seen.pose.x, seen.pose.y, seen.pose.z, seen.pose.yaw)
+        look = guard.look_of(views, pose, shown_m=reach_m)
+        self._looks = [*self._looks[-LOOKS_KEPT + 1 :], look]
+        self._looked_s = self._clock()
+        return look
+
+    def _learn(self, look: guard.Look) -> None:
+        """What the mission's own looks teach of roof and reach is part of its state; a step that is done again makes
+        them again."""
+        self._shown_m = max(self._shown_m, look.reach_m)
+        top_m = guard.top_beside_m(look)
+        if top_m is not None:
+            self._top_m = max(top_m, self._top_m or 0.0)
+
+    def _flown(self, before: Pose, move: Move, done: MoveResult) -> None:
+        if move.path:
+            self._corners = self._corners or [point_of(self._home)]
+            self._corners += [*(move.path[:-1] if done.reached else ()), point_of(done.pose)]
+        self._stands(done.vehicle)
+        end = move.path[-1] if move.path else before
+        if done.reached and (off_m := distance_m(end, done.pose)) > self.limits.max_pose_jump_m:
+            self._trouble = FlightRefused("pose_jump", f"the drone ended {off_m:.1f} m from where it was sent")
+        fast = self.limits.max_speed_m_s * FAST_SHARE
+        if done.flight_s > 0.0 and done.path_m / done.flight_s > fast:
+            said = f"flown at {done.path_m / done.flight_s:.1f} m/s; {self.limits.max_speed_m_s:g} m/s are allowed"
+            self._trouble = FlightRefused("speed", said)
+
+    def _stands(self, state: VehicleState) -> VehicleState:
+        self._pose = state.pose
+        return state
+
+    def _seconds(self, path_m: float) -> float:
+        speed = min(self._capabilities.max_speed_m_s, self.limits.max_speed_m_s)
+        return path_m / max(0.5 * speed, 0.1)
+
+    def _way_home_s(self) -> float:
+        """Back along the way flown, but no longer than twice the straight way: by then it is known that it is free."""
+        if self._pose is None:
+            return 0.0
+        return self._seconds(2.0 * distance_m(self._home, self._pose))
+
+    def _left_s(self, state: VehicleState) -> float:
+        """Seconds of flight until the reserve is touched, by how fast the battery has emptied so far."""
+        remaining = state.battery.remaining if state.battery.remaining is not None else 1.0
+        used = 1.0 - remaining
+        endurance_s = state.flight_s / used if used > 0.01 and state.flight_s > 0.0 else USUAL_ENDURANCE_S
+        return max(0.0, remaining - self.limits.battery_reserve) * endurance_s
+
+
+async def guarded(vehicle: Vehicle, limits: FlightLimits, memory: GuardMemory | None) -> GuardedVehicle:
+    """The vehicle behind the guard; without a memory the mission starts where it is now. Raises PortError."""
+    capabilities = await vehicle.connect()
+    memory = memory or GuardMemory(home=(await vehicle.state()).pose)
+    return GuardedVehicle(vehicle, capabilities, limits, memory)
+
+
+def _path_m(start: Pose, path: Sequence[Point3]) -> float:
+    length, here = 0.0, (start.x, start.y, start.z)
+    for corner in path:
+        there = (corner.x, corner.y, corner.z)
+        length, here = length + math.dist(here, there), there
+    return length

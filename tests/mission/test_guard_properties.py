@@ -1,0 +1,124 @@
+"""Whatever is planned, whatever the limits, however depth fails: no flight leaves them or hits what was visible."""
+
+import asyncio
+import math
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from contracts.cameras import Camera
+from contracts.flight_limits import FlightLimits
+from contracts.geometry import Point3, Pose
+from contracts.vehicle import Move
+from mission.frames import FINAL, FlightRefused
+from mission.guard import guarded
+from tests.mission.block import RADIUS_M, Block
+from tests.mission.block_vehicle import BlockVehicle
+from tests.mission.box_world import RIG
+
+PIXELS = 48
+HOUSES = st.builds(
+    Block,
+    x0=st.floats(-12.0, -3.0),
+    x1=st.floats(3.0, 12.0),
+    y0=st.floats(-6.0, -2.0),
+    y1=st.floats(2.0, 9.0),
+    floors=st.integers(1, 8),
+    start=st.builds(
+        Pose, x=st.floats(-6.0, 6.0), y=st.floats(-20.0, -7.5), z=st.floats(0.9, 3.0), yaw=st.floats(-3.0, 3.0)
+    ),
+)
+LIMITS = st.builds(
+    FlightLimits,
+    geofence_m=st.floats(5.0, 60.0),
+    min_height_m=st.floats(0.8, 3.0),
+    max_height_m=st.floats(2.0, 40.0),
+    roof_margin_m=st.floats(1.0, 10.0),
+    min_clearance_m=st.floats(0.1, 2.0),
+)
+STEPS = st.builds(
+    lambda length_m, turn, up_m: (length_m * math.cos(turn), length_m * math.sin(turn), up_m),
+    st.floats(0.0, 12.0),
+    st.floats(-math.pi, math.pi),
+    st.one_of(st.just(0.0), st.floats(-4.0, 8.0)),
+)
+PLANS = st.lists(st.tuples(st.lists(STEPS, max_size=3), st.floats(-3.0, 3.0)), min_size=1, max_size=4)
+FAULTS = st.sampled_from(["none", "none", "invalid", "half", "specks", "sky"])
+
+
+class FaultyDepth(BlockVehicle):
+    """The block's drone with small pictures, and depth that fails in a way of its own at each look."""
+
+    def __init__(self, block: Block, faults: list[str]) -> None:
+        super().__init__(FaultyBlock(**vars(block)), "e1", RIG, size=PIXELS)
+        self.block.faults.extend(faults)
+        self.places: list[tuple[float, float, float]] = []
+
+    def _advance(self, pose: Pose, step_m: float, level_m: float) -> None:
+        super()._advance(pose, step_m, level_m)
+        self.places.append((pose.x, pose.y, pose.z))
+
+
+class FaultyBlock(Block):
+    """Depth of it may be invalid, in part, or have specks; never a free way where something stands."""
+
+    @property
+    def faults(self) -> list[str]:
+        return vars(self).setdefault("_faults", [])
+
+    def depth_m(self, pose: Pose, camera: Camera) -> np.ndarray:
+        depth = super().depth_m(pose, camera)
+        fault = self.faults[round(7 * (pose.x + pose.y + pose.z)) % len(self.faults)] if self.faults else "none"
+        if fault == "invalid":
+            depth[:] = np.nan
+        elif fault == "half":
+            depth[: len(depth) // 2 + 4] = np.nan
+        elif fault == "specks":
+            depth[::7, ::5] = 1.0
+        elif fault == "sky":
+            depth[np.isinf(depth)] = np.nan
+        return depth
+
+
+async def _fly(house: Block, limits: FlightLimits, plans: list, faults: list[str]) -> None:
+    vehicle = FaultyDepth(house, faults)
+    guard = await guarded(vehicle, limits, None)
+    home = house.start
+    for steps, yaw in plans:
+        here, path = vehicle.pose, []
+        for dx, dy, dz in steps:
+            last = path[-1] if path else here
+            path.append(Point3(x=last.x + dx, y=last.y + dy, z=last.z + dz))
+        try:
+            await guard.fly((await vehicle.state()).moves + 1, Move(path=tuple(path), yaw=yaw))
+        except FlightRefused as refusal:
+            if refusal.reason in FINAL:
+                await guard.end(refusal.reason)
+                break
+    assert not vehicle.collided
+    assert all(house.distance(*place) >= RADIUS_M for place in vehicle.places)
+    if vehicle.pose.z < 0.8:
+        return  # it has landed
+    for x, y, z in vehicle.places:
+        assert math.hypot(x - home.x, y - home.y) <= limits.geofence_m + 1e-6
+        assert z >= min(limits.min_height_m, home.z) - 1e-6
+        assert z <= max(home.z, min(limits.max_height_m, max(house.top, home.z) + limits.roof_margin_m)) + 1e-6
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@given(HOUSES, LIMITS, PLANS, st.lists(FAULTS, min_size=1, max_size=5))
+def test_no_plan_leaves_the_limits_or_hits_what_was_visible(
+    house: Block, limits: FlightLimits, plans: list, faults: list[str]
+) -> None:
+    asyncio.run(_fly(house, limits, plans, faults))
+
+
+@pytest.mark.slow
+@settings(max_examples=10_000, deadline=None, suppress_health_check=list(HealthCheck))
+@given(HOUSES, LIMITS, PLANS, st.lists(FAULTS, min_size=1, max_size=5))
+def test_ten_thousand_plans_leave_the_limits_nowhere_and_hit_nothing(
+    house: Block, limits: FlightLimits, plans: list, faults: list[str]
+) -> None:
+    asyncio.run(_fly(house, limits, plans, faults))
