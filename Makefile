@@ -39,10 +39,10 @@ samples: setup  ## fly all sample deliveries: make samples [BACKEND=oracle]
 	  $(BIN)/logisticsvln deliver --sample $$name --backend $(BACKEND) 2>&1 | grep -E '^[A-Z][A-Z ]{5,}' | head -1; \
 	done
 
-test: check .venv/.redis  ## lint, format, types, and the tests (a redis-server of its own included)
+test: check .venv/.servers  ## lint, format, types, and the tests (a redis-server and a PostgreSQL of their own included)
 	@$(BIN)/python -m pytest
 
-test-slow: setup .venv/.redis  ## the tests that take minutes
+test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
 
 test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
@@ -93,8 +93,8 @@ test-small-model: setup .cache/small-model/.ready  ## the part of test-real-serv
 	  "llama-cpp-python[server]==0.3.36" gguf
 	@touch $@
 
-.venv/.redis: | setup
-	@scripts/system_packages.sh "redis-server=command -v redis-server"
+.venv/.servers: | setup
+	@scripts/system_packages.sh "redis-server=command -v redis-server" "postgresql=ls /usr/lib/postgresql/*/bin/postgres"
 	@touch $@
 
 check: setup  ## lint, format, strict types
@@ -112,7 +112,7 @@ format: setup  ## put the code into the house format
 	@$(BIN)/ruff check --fix-only .
 	@$(BIN)/ruff format .
 
-load: setup .venv/.redis  ## drive every service at its real payloads: requests/s, p50/p95/p99 per route
+load: setup .venv/.servers  ## drive every service at its real payloads: requests/s, p50/p95/p99 per route
 	@$(BIN)/python -m tests.load.run
 
 bench-sim: setup  ## five views against PyBullet's TinyRenderer, in process and over HTTP
@@ -121,7 +121,7 @@ bench-sim: setup  ## five views against PyBullet's TinyRenderer, in process and 
 bench-model: setup  ## the embedded model's CPU time for five views against the rendering of the same views
 	@$(BIN)/python -m tests.load.bench_model
 
-bench-gateway: setup .venv/.redis  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
+bench-gateway: setup .venv/.servers  ## vlm_gateway and LiteLLM's proxy side by side (LiteLLM goes into .cache)
 	@$(BIN)/python -m tests.load.bench_gateway $(ARGS)
 
 train: setup  ## make the embedded model anew (hours on a processor; goes on where it stopped): make train [STREETS=900] [ARGS=...]

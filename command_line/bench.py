@@ -1,12 +1,9 @@
 """`logisticsvln bench`: one arm over a task set."""
 
 import asyncio
-import importlib.metadata
 import json
 import os
-import platform
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -15,14 +12,25 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from command_line import mission_options
+from command_line.bench_merge import merge
 from command_line.bench_progress import LiveProgress, PlainProgress
+from command_line.bench_setup import (
+    chosen_tasks,
+    gateway_settings,
+    model_name,
+    one_core_each,
+    read_shard,
+    share_of,
+    spread,
+    stop_where_given,
+    versions,
+)
 from command_line.bench_summary import print_summary
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
 from command_line.labelled_requests import score_requests
 from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import stop_without_model
 from command_line.subtask import ask_alone
-from command_line.tasks import generated
 from contracts.cameras import DEFAULT_RIG
 from evaluation.bench.folder import BadFolder, RunFolder
 from evaluation.bench.run import CannotRun, Run
@@ -33,15 +41,23 @@ from evaluation.sim_client import SimulatorFault
 from evaluation.subtasks.figures import Subtask
 from evaluation.task_set.absent import without_objects
 from evaluation.task_set.generate import CannotGenerate
-from evaluation.task_set.task import Task
-from evaluation.task_set.task_files import BadTasks, TaskSet, load
 from service_kit.settings import process_environment
 
 MAX_WORKERS = 64
-_PACKAGES = ("logisticsvln", "numpy", "opencv-python-headless", "moderngl", "pybullet", "pydantic", "aiohttp")
 
 
+app = typer.Typer(
+    invoke_without_command=True,
+    subcommand_metavar="[merge RUN...]",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(merge)
+
+
+@app.callback()
 def bench(
+    context: typer.Context,
     tasks: Annotated[str | None, typer.Option(help="A shipped set or a file of tasks.", show_default="vld-300")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Fly a fresh set of this seed instead.")] = None,
     count: Annotated[int | None, typer.Option(min=1, help="How many tasks the fresh set has.")] = None,
@@ -78,6 +94,10 @@ def bench(
     ] = None,
     recording: Annotated[Path | None, typer.Option(help="The file in which answers are kept, for --cache.")] = None,
     episode_s: Annotated[float, typer.Option(min=1, max=86_400, help="An episode takes no longer.")] = 900.0,
+    shard: Annotated[
+        str | None,
+        typer.Option(help="Fly only share i of n, counted from 1: i/n. `bench merge` puts all n folders together."),
+    ] = None,
     subtask: Annotated[Subtask | None, typer.Option(help="Fly nothing; ask one model role alone.")] = None,
     requests: Annotated[
         list[Path] | None,
@@ -86,6 +106,9 @@ def bench(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly a task set and print the figures. A run that was interrupted or killed goes on with the same command."""
+    if context.invoked_subcommand is not None:
+        stop_where_given(context)
+        return
     console = Console(stderr=True)
     noise = {
         "miss_rate": miss_rate,
@@ -99,50 +122,60 @@ def bench(
         stop(f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT)
     if recording is not None and cache == "off":
         stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
+    model = model_name("backend", backend)
+    share = read_shard(shard, out, flies=subtask is None)
     if requests:
         if subtask != "parse" or any(given is not None for given in (tasks, seed, count, limit)):
             stop("--requests is for --subtask parse, and takes the place of a task set", WRONG_INPUT)
-        kept = _gateway(cache or ("on" if recording else "off"), recording, {})
+        kept = gateway_settings(cache or ("on" if recording else "off"), recording, {})
         cores = one_core_each(process_environment())
         score_requests(requests, parser, workers or 1, cores, kept, console, out, as_json=as_json)
         return
     try:
-        chosen = _tasks(tasks, seed, count, console)
-        chosen = without_objects(chosen) if absent else chosen
-        settings = RunSettings(
-            tasks=chosen.name,
-            checksum=chosen.checksum,
-            count=min(limit or len(chosen.tasks), len(chosen.tasks)),
-            backend=backend,
-            mission=mission_settings(
-                viewpoint=viewpoint,
-                choice=choice,
-                floors=floors,
-                sightings=sightings,
-                drift=drift,
-                parser=parser,
-                max_steps=max_steps,
-                rig=rig,
-                image_size=image_size,
-                sensors=sensors,
-                seed=mission_seed,
-            ),
-            oracle=noise if backend == "oracle" else {},
-            workers=workers or os.cpu_count() or 1,
-            versions=_versions(),
+        mission = mission_settings(
+            viewpoint=viewpoint,
+            choice=choice,
+            floors=floors,
+            sightings=sightings,
+            drift=drift,
+            parser=parser,
+            max_steps=max_steps,
+            rig=rig,
+            image_size=image_size,
+            sensors=sensors,
+            seed=mission_seed,
         )
+        task_set = chosen_tasks(tasks, seed, count, console)
     except ValidationError as error:
         stop(first_problem(error), WRONG_INPUT)
-    except (BadTasks, ValueError) as error:
+    except ValueError as error:
+        stop(str(error), WRONG_INPUT)
+    disturbed = noise if backend == "oracle" else {}
+    mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
+    gateway = gateway_settings(mode, recording, disturbed)
+    stop_without_model(backend, gateway)
+    try:
+        chosen = without_objects(task_set()) if absent else task_set()
+        flown = spread(chosen, min(limit or len(chosen.tasks), len(chosen.tasks)))
+        some = share_of(flown, share)
+    except ValueError as error:
         stop(str(error), WRONG_INPUT)
     except (CannotGenerate, SimulatorFault) as error:
         stop(f"the tasks could not be made: {error}", FAILED)
     except KeyboardInterrupt:
         stop("interrupted before the first flight", INTERRUPTED)
-    mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
-    gateway = _gateway(mode, recording, settings.oracle)
-    stop_without_model(backend, gateway)
-    some, cores = _first(chosen, settings.count), one_core_each(process_environment())
+    settings = RunSettings(
+        tasks=chosen.name,
+        checksum=chosen.checksum,
+        count=len(flown),
+        backend=model,
+        mission=mission,
+        oracle=disturbed,
+        workers=workers or os.cpu_count() or 1,
+        versions=versions(),
+        shard=share,
+    )
+    cores = one_core_each(process_environment())
     if subtask is not None:
         ask_alone(subtask, some, settings, cores, gateway, console, out, as_json=as_json)
         return
@@ -201,44 +234,3 @@ def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -
         except (CannotRun, OSError) as error:
             stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)
     return run.conclude()
-
-
-def _tasks(tasks: str | None, seed: int | None, count: int | None, console: Console) -> TaskSet:
-    """Raises BadTasks, ValueError, CannotGenerate, SimulatorFault."""
-    if (seed is None) != (count is None):
-        raise ValueError("a fresh set needs both --seed and --count")
-    if seed is not None and count is not None:
-        if tasks is not None:
-            raise ValueError("give either --tasks or --seed and --count")
-        return generated(seed, count, console)
-    return load(tasks or "vld-300")
-
-
-def _first(chosen: TaskSet, count: int) -> list[Task]:
-    """`count` tasks, spread evenly over the set, so that a small run meets every kind of building."""
-    n = len(chosen.tasks)
-    return [chosen.tasks[k * n // count] for k in range(count)]
-
-
-def _gateway(mode: str, recording: Path | None, noise: dict[str, float]) -> dict[str, str]:
-    settings = {"CACHE_MODE": mode}
-    if recording is not None:
-        settings["CACHE_PATH"] = str(recording.absolute())
-    return settings | {f"ORACLE_{name.upper()}": f"{value:g}" for name, value in noise.items()}
-
-
-def one_core_each(environment: Mapping[str, str]) -> dict[str, str]:
-    """Workers share the machine by processes, not by threads: each renderer and each numerical library keeps to one
-    core, unless the environment says otherwise."""
-    names = ("LP_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
-    return {name: environment.get(name, "1") for name in names}
-
-
-def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = importlib.metadata.version(package)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return found

@@ -9,8 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from command_line import tasks
-from command_line.bench import bench
+from command_line import bench, tasks
 from command_line.deliver import deliver
 from command_line.doctor import doctor
 from command_line.evaluate import evaluate
@@ -56,7 +55,7 @@ def samples() -> None:
 
 
 app.add_typer(tasks.app, name="tasks")
-app.command()(bench)
+app.add_typer(bench.app, name="bench")
 app.command()(report)
 app.command()(compare)
 app.command()(evaluate)

@@ -1,12 +1,14 @@
 """The REST door: deliveries, their events as they happen, their pictures, and the viewer."""
 
+import logging
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import FastAPI, Header, Response
+from fastapi import FastAPI, Header, Request, Response
 from fastapi.responses import FileResponse
+from sqlalchemy.exc import DBAPIError
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
 from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
@@ -15,7 +17,9 @@ from orchestrator.access import EVERYBODY, Access, RoleGuard
 from orchestrator.access_routes import add_access_routes
 from orchestrator.assembly import Orchestrator
 from service_kit.app import Check, create_app
-from service_kit.errors import Conflict, NotFound, TooMany, error_answers
+from service_kit.errors import Conflict, NotFound, TooMany, error_answers, error_response
+
+log = logging.getLogger("orchestrator.app")
 
 MAX_BODY_BYTES = 4 * 1024 * 1024
 PING_S = 10
@@ -43,6 +47,11 @@ def build_app(
 
     guard = RoleGuard(access) if access.asked else None
     app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, guard=guard, lifespan=lifespan)
+
+    @app.exception_handler(DBAPIError)
+    async def _no_database(_: Request, error: DBAPIError) -> Response:
+        log.error("the database does not answer: %s", error.orig)
+        return error_response(503, "no_database", "the database does not answer; try again later")
 
     @app.post("/v1/deliveries", status_code=202, tags=["deliveries"], responses=_WHILE_LIVE)
     async def post_delivery(

@@ -27,7 +27,19 @@ LEAVE_WITHIN_S = 3.0
 class Orchestrator:
     """One process's share of the deliveries in a database."""
 
-    def __init__(self, database: Database, hangar: Hangar, records: Records, policy: Policy, bounds: Bounds) -> None:
+    def __init__(
+        self,
+        database: Database,
+        hangar: Hangar,
+        records: Records,
+        policy: Policy,
+        bounds: Bounds,
+        *,
+        lost_after_s: float = 10.0,
+        poll_s: float = 0.5,
+    ) -> None:
+        """`lost_after_s`: how long another process is waited for before its deliveries are taken over; `poll_s`: the
+        time between two looks at a queue."""
         executor = f"{os.uname().nodename[:40]}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
         store = DeliveryStore(database.engine)
         self.vehicles = VehicleStore(database.engine)
@@ -37,9 +49,15 @@ class Orchestrator:
         self._hangar = hangar
         self._watch = Watch(store)
         self._carrier = Carrier(Tools(store, self.vehicles, hangar, records, policy), self._watch, executor)
-        self._engine = Engine(database, executor, self._carrier.carry_on)
+        self._engine = Engine(database, executor, self._carrier.carry_on, poll_s)
         self._keeper = Keeper(
-            store, ExecutorStore(database.engine), self._engine, self._carrier, executor, alone=not database.shared
+            store,
+            ExecutorStore(database.engine),
+            self._engine,
+            self._carrier,
+            executor,
+            alone=not database.shared,
+            lost_after_s=lost_after_s,
         )
         self.deliveries = Deliveries(store, self._watch, self._keeper, hangar, records, bounds)
 
@@ -54,6 +72,10 @@ class Orchestrator:
         await self._engine.launch(await asyncio.to_thread(self.vehicles.room, names))
         await self._keeper.start()
         self._keeper.every(ADOPT_EVERY_S, adopted)
+
+    async def usable(self) -> str | None:
+        """What is wrong with the database; null when all is well."""
+        return await asyncio.to_thread(self._database.problem)
 
     async def close(self) -> None:
         """What is under way is left for another process, or for this one when it is started again."""

@@ -25,6 +25,7 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         Records(settings.runs_dir),
         Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights, settings.flight_limits),
         Bounds(waiting=settings.max_waiting_deliveries),
+        lost_after_s=settings.lost_after_s,
     )
     access = Access(
         revealed(settings.orchestrator_token),
@@ -32,5 +33,5 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         lambda: signing_key(revealed(settings.orchestrator_key), settings.runs_dir),
         settings.session_hours * 3600,
     )
-    checks = {client.service: client.usable for client in services.all}
+    checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
     return build_app(orchestrator, checks=checks, access=access, on_close=services.close)

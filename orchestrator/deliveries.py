@@ -143,8 +143,7 @@ class Deliveries:
         is. Raises NotFound."""
         stored = await self._stored(name)
         if stored.status != "done":
-            await asyncio.to_thread(self._store.end, name, "cancelled")
-            self._keeper.nudge()
+            await self._keeper.end(name, "cancelled")
         give_up = time.monotonic() + CANCEL_S
         while stored.status != "done" and time.monotonic() < give_up:
             stored = await self._stored(name)

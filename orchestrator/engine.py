@@ -20,7 +20,6 @@ CarryOn = Callable[[str, int], Awaitable[bool]]
 TURN = "turn"
 WORKFLOWS_VERSION = "1"
 """Of the workflows' form: a delivery queued by a program of the same version is carried on after an upgrade."""
-POLL_S = 0.25
 BATCH = 200
 REQUESTS_AT_A_TIME = 8
 """Requests that one process reads at a time."""
@@ -29,10 +28,12 @@ REQUESTS_AT_A_TIME = 8
 class Engine:
     """One a process: DBOS keeps its own in globals."""
 
-    def __init__(self, database: Database, executor: str, carry_on: CarryOn) -> None:
+    def __init__(self, database: Database, executor: str, carry_on: CarryOn, poll_s: float) -> None:
+        """`poll_s`: the time between two looks at a queue."""
         self._database = database
         self._executor = executor
         self._carry_on = carry_on
+        self._poll_s = poll_s
         self._room = 0
         self._running = False
 
@@ -51,6 +52,8 @@ class Engine:
             "enable_otlp": False,
             "max_executor_threads": 16,
             "use_listen_notify": False,
+            # nobody waits for the engine's notifications: its thread only has to hear soon that it is to end
+            "notification_listener_polling_interval_sec": 0.1,
             "scheduler_polling_interval_sec": 3600.0,
         }
         DBOS(config=config)
@@ -63,15 +66,17 @@ class Engine:
         DBOS.launch()
         self._running = True
         self._room = room
-        await DBOS.register_queue_async("request", worker_concurrency=REQUESTS_AT_A_TIME, polling_interval_sec=POLL_S)
-        await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=POLL_S)
-        await DBOS.register_queue_async("prompt", polling_interval_sec=POLL_S)
+        await DBOS.register_queue_async(
+            "request", worker_concurrency=REQUESTS_AT_A_TIME, polling_interval_sec=self._poll_s
+        )
+        await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=self._poll_s)
+        await DBOS.register_queue_async("prompt", polling_interval_sec=self._poll_s)
 
     async def set_room(self, room: int) -> None:
         """From now on so many may fly at a time."""
         if room != self._room:
             self._room = room
-            await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=POLL_S)
+            await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=self._poll_s)
 
     async def queue(self, turns: Sequence[StoredDelivery]) -> None:
         """The due turns of these deliveries; one that is queued already is not queued again."""

@@ -9,17 +9,16 @@ from collections.abc import Awaitable, Callable
 
 from orchestrator.carrier import Carrier
 from orchestrator.engine import Engine
-from orchestrator.store.deliveries import DeliveryStore
+from orchestrator.store.deliveries import DeliveryStore, Ending
 from orchestrator.store.executors import ExecutorStore
 
 log = logging.getLogger("orchestrator.keeper")
 
 QUEUE_EVERY_S = 0.5
 BATCH = 50
-END_EVERY_S = 0.5
-BEAT_EVERY_S = 2.0
-DEAD_AFTER_S = 10.0
-"""A process that has not been heard of for so long is dead, or as good as: what it still does is refused."""
+END_EVERY_S = 1.0
+BEATS = 5
+"""So many signs of life in the time after which a process counts as dead."""
 FORGET_EVERY_S = 30.0
 
 
@@ -35,14 +34,17 @@ class Keeper:
         executor: str,
         *,
         alone: bool,
+        lost_after_s: float,
     ) -> None:
-        """`alone`: nobody else can use the database, so that whoever is not this process is dead."""
+        """`alone`: nobody else can use the database, so that whoever is not this process is dead. A process that has
+        not been heard of for `lost_after_s` is as good as dead: what it still does is refused."""
         self._store = store
         self._executors = executors
         self._engine = engine
         self._carrier = carrier
         self._executor = executor
         self._alone = alone
+        self._lost_after_s = lost_after_s
         self._nudged = asyncio.Event()
         self._tasks: list[asyncio.Task[None]] = []
 
@@ -51,8 +53,8 @@ class Keeper:
         for work, seconds in (
             (self._queue_due, 0.0),
             (self._end, END_EVERY_S),
-            (self._beat, BEAT_EVERY_S),
-            (self._take_over, BEAT_EVERY_S),
+            (self._beat, self._lost_after_s / BEATS),
+            (self._take_over, self._lost_after_s / BEATS),
             (self._engine.forget_finished, FORGET_EVERY_S),
         ):
             self.every(seconds, work)
@@ -91,10 +93,15 @@ class Keeper:
             await asyncio.wait_for(self._nudged.wait(), QUEUE_EVERY_S)
         self._nudged.clear()
 
+    async def end(self, name: str, reason: Ending) -> None:
+        """The delivery is to end, whichever process carries it on."""
+        await asyncio.to_thread(self._store.end, name, reason)
+        self._carrier.end_soon(name, reason)
+        self.nudge()
+
     async def _end(self) -> None:
         for name in await asyncio.to_thread(self._store.overdue):
-            await asyncio.to_thread(self._store.end, name, "deadline_passed")
-            self.nudge()
+            await self.end(name, "deadline_passed")
         for name, reason in await asyncio.to_thread(self._store.to_be_ended, self._executor):
             self._carrier.end_soon(name, reason)
 
@@ -103,7 +110,7 @@ class Keeper:
 
     async def _take_over(self) -> None:
         known = await asyncio.to_thread(self._executors.all)
-        late = time.time() - DEAD_AFTER_S
+        late = time.time() - self._lost_after_s
         dead = [name for name, seen in known.items() if name != self._executor and (self._alone or seen < late)]
         if not dead:
             return

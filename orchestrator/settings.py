@@ -54,6 +54,12 @@ class OrchestratorSettings(Connections, ServiceSettings):
         le=3600.0,
         description="Seconds that a service which does not answer is asked again before the delivery ends.",
     )
+    lost_after_s: float = Field(
+        10.0,
+        ge=1.0,
+        le=3600.0,
+        description="Seconds without a sign of life after which the deliveries of another orchestrator are taken over.",
+    )
     max_flights: int = Field(
         3, ge=1, le=20, description="How often a delivery is begun to be flown at most, where vehicles are lost."
     )

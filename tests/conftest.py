@@ -17,6 +17,7 @@ from starlette.types import ASGIApp
 
 from service_kit.http_limits import ConnectionLimits
 from service_kit.run import server_config
+from tests.postgres import Postgres
 
 
 class Serve(Protocol):
@@ -114,3 +115,11 @@ def redis_server(tmp_path: Path) -> Iterator[RedisProcess]:
     server = RedisProcess(tmp_path)
     yield server
     server.stop()
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[Postgres]:
+    """A real PostgreSQL, one for the session."""
+    server = Postgres(free_port())
+    yield server
+    server.close()

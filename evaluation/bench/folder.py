@@ -167,9 +167,14 @@ def read_wall_s(path: Path) -> float:
         return 0.0
 
 
+def differing(one: RunSettings, other: RunSettings, apart_from: set[str]) -> list[str]:
+    """The names of the settings in which two runs differ."""
+    here, there = (s.model_dump(mode="json", exclude=apart_from) for s in (one, other))
+    return sorted(name for name in here if here[name] != there[name])
+
+
 def _same_run(there: RunSettings, wanted: RunSettings, path: Path) -> None:
-    before, now = (s.model_dump(mode="json", exclude=_MAY_DIFFER) for s in (there, wanted))
-    differ = sorted(name for name in before if before[name] != now[name])
+    differ = differing(there, wanted, _MAY_DIFFER)
     if differ:
         raise BadFolder(
             f"{path} holds a run with other settings ({', '.join(differ)}); choose another --out, or repeat the "

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from evaluation.bench.folder import RunFolder
-from evaluation.bench.table import write_parquet
+from evaluation.bench.table import write_figures
 from evaluation.bench.worker import Job, Order
 from evaluation.bench.worker_pool import (
     FlyingProcess,
@@ -20,9 +20,9 @@ from evaluation.bench.worker_pool import (
     run_workers,
 )
 from evaluation.metrics.episode import EpisodeRecord
-from evaluation.metrics.summary import Summary, summarize
+from evaluation.metrics.summary import Summary
 from evaluation.task_set.task import Task
-from mission.record import now, write_whole
+from mission.record import now
 
 MAX_BROKEN_IN_A_ROW = 5
 
@@ -83,10 +83,7 @@ class Run:
         """Writes summary.json and results.parquet of what is there."""
         records = self._folder.in_order()
         wall_s = self._folder.note_wall(self._session_s)
-        summary = summarize(self._folder.tasks, records, wall_s)
-        write_whole(self._folder.path / "summary.json", summary.model_dump_json(indent=1) + "\n")
-        write_parquet(self._folder.path / "results.parquet", self._folder.tasks, records)
-        return summary
+        return write_figures(self._folder.path, self._folder.tasks, records, wall_s)
 
     @property
     def _session_s(self) -> float:

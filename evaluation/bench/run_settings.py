@@ -6,6 +6,7 @@ from pydantic import JsonValue, TypeAdapter
 
 from contracts.base import ModelName, Wire
 from contracts.orchestrator import MissionSettings
+from evaluation.bench.shard import Shard
 from mission.policies import DEFAULT, policy_type
 
 _DOCUMENT = TypeAdapter(dict[str, JsonValue])
@@ -14,7 +15,8 @@ _OF_POLICIES = ("choice", "min_move_m", "safe_distances")
 
 
 class RunSettings(Wire):
-    """Everything needed to fly a run again."""
+    """Everything needed to fly a run again. `count`: how many tasks the whole run has; where it is one `shard` of it,
+    only that share of them is flown."""
 
     tasks: str
     checksum: str
@@ -26,6 +28,7 @@ class RunSettings(Wire):
     versions: dict[str, str]
     renderer: str | None = None
     model: dict[str, Any] = {}
+    shard: Shard | None = None
 
     @classmethod
     def read(cls, text: str) -> Self:

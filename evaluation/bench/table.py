@@ -1,12 +1,22 @@
-"""Results as one flat table: a row an episode, task and result side by side, for data analysis."""
+"""A run's figures, and its results as one flat table: a row an episode, task and result side by side."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from evaluation.metrics.episode import EpisodeRecord
+from evaluation.metrics.summary import Summary, summarize
 from evaluation.task_set.task import Task
+from mission.record import write_whole
 
 Cell = str | int | float | bool | None
+
+
+def write_figures(path: Path, tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_s: float) -> Summary:
+    """Writes summary.json and results.parquet into a run's folder. `wall_s`: the run's own, seconds."""
+    summary = summarize(tasks, records, wall_s)
+    write_whole(path / "summary.json", summary.model_dump_json(indent=1) + "\n")
+    write_parquet(path / "results.parquet", tasks, records)
+    return summary
 
 
 def row(task: Task, record: EpisodeRecord) -> dict[str, Cell]:

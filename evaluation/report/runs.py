@@ -85,6 +85,8 @@ def label_of(settings: RunSettings) -> str:
         words.append(f"sensors {mission.sensors.label}")
     if mission.band_reading != usual.band_reading:
         words.append("h_i as camera height")
+    if settings.shard is not None:
+        words.append(f"shard {settings.shard}")
     return ", ".join(words)
 
 

@@ -45,6 +45,15 @@ class Database:
             reason = str(getattr(error, "orig", error)).strip().splitlines()[0]
             raise BadSetting(f"DATABASE_URL: {parsed.render_as_string(hide_password=True)}: {reason}") from None
 
+    def problem(self) -> str | None:
+        """Why the database can't be used now; null when it can."""
+        try:
+            with self.engine.connect() as connection:
+                connection.execute(sa.select(schema_version.c.version))
+        except SQLAlchemyError:
+            return "the database does not answer"
+        return None
+
     def close(self) -> None:
         self.engine.dispose()
         if self._lock is not None:

@@ -233,7 +233,7 @@ class DeliveryStore:
                     answers=json.dumps(answers),
                     answered=len(answers),
                     open_question=None,
-                    status=sa.case((idle, "waiting"), else_="flying"),
+                    status=sa.case((deliveries.c.vehicle.is_(None), "waiting"), else_="flying"),
                     turn=sa.case((idle, deliveries.c.turn + 1), else_=deliveries.c.turn),
                     due=sa.case((idle, time.time()), else_=deliveries.c.due),
                     version=sa.case((idle, deliveries.c.version + 1), else_=deliveries.c.version),

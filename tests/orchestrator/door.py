@@ -36,13 +36,15 @@ class Door:
         max_waiting: int = 1000,
         patience_s: float = 600.0,
         service_within_s: float = 0.0,
+        database: str | None = None,
     ) -> None:
         orchestrator = Orchestrator(
-            Database(f"sqlite:///{runs / 'deliveries.sqlite'}"),
+            Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
             OneSimulator(lambda: Simulated(block_ports(world, vision), world), max_live),
             Records(runs),
             Policy(patience_s, service_within_s, flights=2),
             Bounds(waiting=max_waiting),
+            poll_s=0.05,
         )
         port = free_port()
         self._server = uvicorn.Server(server_config(build_app(orchestrator, access=access), "127.0.0.1", port, 2))

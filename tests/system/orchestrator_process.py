@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx
 
 from contracts.events import Event, read_event
-from contracts.orchestrator import Delivery
+from contracts.orchestrator import Delivery, DeliveryList, DeliveryResult
 from service_kit.addresses import Addresses
 from service_kit.settings import process_environment
 from tests.conftest import free_port
@@ -76,6 +76,9 @@ class OrchestratorProcess:
     def delivery(self, name: str) -> Delivery:
         return Delivery.model_validate(httpx.get(f"{self.url}/v1/deliveries/{name}", timeout=30).json())
 
+    def deliveries(self) -> tuple[Delivery, ...]:
+        return DeliveryList.model_validate(httpx.get(f"{self.url}/v1/deliveries", timeout=30).json()).deliveries
+
     def events(self, name: str, after: int = 0, until: int | None = None) -> list[Event]:
         """The stream's events numbered above `after`, to its end, to number `until`, or to the process's death."""
         found: list[Event] = []
@@ -89,3 +92,20 @@ class OrchestratorProcess:
                     if until is not None and found and found[-1].number >= until:
                         break
         return found
+
+
+def heard(orchestrator: OrchestratorProcess, name: str) -> list[Event]:
+    """A listener's events, who goes on after the last one heard whenever the stream breaks off."""
+    events: list[Event] = []
+    give_up = time.monotonic() + 900
+    while not (events and events[-1].kind == "result") and time.monotonic() < give_up:
+        events += orchestrator.events(name, after=events[-1].number if events else 0)
+        time.sleep(0.05)
+    return events
+
+
+def without_clocks(result: DeliveryResult | None) -> DeliveryResult:
+    """What two flights of the same delivery have in common."""
+    assert result is not None
+    calls = {role: c.model_copy(update={"seconds": 0.0, "latencies_s": ()}) for role, c in result.model_calls.items()}
+    return result.model_copy(update={"timings_s": {}, "model_calls": calls})

@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from contracts.events import Event
-from contracts.orchestrator import DeliveryResult
 from service_kit.addresses import Addresses
-from tests.system.orchestrator_process import OrchestratorProcess
+from tests.system.orchestrator_process import OrchestratorProcess, heard, without_clocks
 
 SMALL = {"image_size": 160}
 
@@ -24,27 +23,11 @@ def orchestrator(at: Addresses, runs: Path) -> Iterator[OrchestratorProcess]:
     process.kill()
 
 
-def without_clocks(result: DeliveryResult | None) -> DeliveryResult:
-    assert result is not None
-    calls = {role: c.model_copy(update={"seconds": 0.0, "latencies_s": ()}) for role, c in result.model_calls.items()}
-    return result.model_copy(update={"timings_s": {}, "model_calls": calls})
-
-
 def killed_again_and_again(orchestrator: OrchestratorProcess, kills: int, chance: random.Random) -> None:
     for _ in range(kills):
         time.sleep(chance.uniform(0.05, 2.0))
         orchestrator.kill()
         orchestrator.start()
-
-
-def heard(orchestrator: OrchestratorProcess, name: str) -> list[Event]:
-    """A listener's events, who goes on after the last one heard whenever the stream breaks off."""
-    events: list[Event] = []
-    give_up = time.monotonic() + 600
-    while not (events and events[-1].kind == "result") and time.monotonic() < give_up:
-        events += orchestrator.events(name, after=events[-1].number if events else 0)
-        time.sleep(0.05)
-    return events
 
 
 def fly_while_killed(

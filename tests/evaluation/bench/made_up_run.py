@@ -13,6 +13,7 @@ from contracts.orchestrator import MissionSettings
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.run import Run
 from evaluation.bench.run_settings import RunSettings
+from evaluation.bench.shard import Shard
 from evaluation.bench.worker import Job, Order
 from evaluation.metrics.episode import EpisodeRecord
 from tests.evaluation.evaluation_kit import a_record, a_result, a_task, a_verdict
@@ -61,10 +62,11 @@ class InventiveWorker:
         return a_record(order.task, result)
 
 
-def fly_made_up(path: Path, workers: int, doom: Doom | None = None) -> None:
+def fly_made_up(path: Path, workers: int, doom: Doom | None = None, shard: Shard | None = None) -> None:
     """A process's work: flies what the folder lacks."""
     job = Job(folder="", logs="", mission=MissionSettings(), backend="oracle")
-    with RunFolder(path, SETTINGS, TASKS) as folder:
+    tasks = shard.share(TASKS) if shard is not None else TASKS
+    with RunFolder(path, SETTINGS.model_copy(update={"shard": shard}), tasks) as folder:
         run = Run(folder, job, workers, new_worker=lambda job, log: InventiveWorker(doom))
         asyncio.run(run.fly())
         run.conclude()

@@ -115,6 +115,21 @@ def test_a_run_killed_ten_times_ends_with_the_tables_of_one_left_alone(tmp_path:
     assert tables(tmp_path / "killed") == tables(tmp_path / "clean")
 
 
+@pytest.mark.slow
+def test_real_shards_put_together_have_the_tables_of_one_run(tmp_path: Path) -> None:
+    set_of_tasks, count, of = write(tmp_path, 6), 6, 3
+    arguments = ("--tasks", set_of_tasks, *SMALL, "--workers", "1")
+    folders = [tmp_path / "whole", *(tmp_path / f"shard-{number}" for number in range(1, of + 1))]
+    for number, folder in enumerate(folders):
+        share = ("--shard", f"{number}/{of}") if number else ()
+        _, err = start(*arguments, *share, folder=folder).communicate(timeout=600)
+        assert len(results(folder)) == (count // of if number else count), err
+    merging = [sys.executable, "-m", "command_line.main", "bench", "merge", *map(str, folders[1:])]
+    subprocess.run([*merging, "--out", str(tmp_path / "merged")], check=True, timeout=120, capture_output=True)
+    assert tables(tmp_path / "merged") == tables(tmp_path / "whole")
+    assert sorted(results(tmp_path / "merged")) == sorted(results(tmp_path / "whole"))
+
+
 @pytest.mark.timeout(600)
 def test_a_made_up_run_killed_ten_times_ends_with_the_tables_of_one_left_alone(tmp_path: Path) -> None:
     # forked from a process that has imported everything: thirteen sessions for the price of one
