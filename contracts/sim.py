@@ -33,11 +33,15 @@ SUCCESS_ASIDE_DEG = 60.0
 
 
 class Flight(Wire):
-    """How the drone flies: a sphere of `radius_m` on a path with bounded speed, acceleration and yaw rate. `drift`: how
-    far the pose it reports strays per metre flown, in a direction drawn from the scene's seed and `drift_seed`; success
-    is judged by the true pose. `endurance_s`: of flight on a full battery. `pace`: seconds of wall time for a second of
-    flight; 0 flies as fast as it can be computed, 1 as it would be watched."""
+    """How the drone flies: a sphere of `radius_m` on a path with bounded speed, acceleration and yaw rate. `model`:
+    `kinematic`, exactly along the path, whatever the wind; `quadrotor`, a body that follows it as its thrust, its tilt
+    and the wind let it; null: `quadrotor` where the scene has wind. `drift`: how far the pose it reports strays per
+    metre flown, in a direction drawn from the scene's seed and `drift_seed`; success is judged by the true pose.
+    `endurance_s`: of hovering on a full battery, of which `reserve` is there to get home by; an empty one only lands.
+    `pace`: seconds of wall time for a second of flight; 0 flies as fast as it can be computed, 1 as it would be
+    watched."""
 
+    model: Literal["kinematic", "quadrotor"] | None = None
     radius_m: float = Field(default=0.35, gt=0.05, le=1.0)
     max_speed_m_s: float = Field(default=4.0, gt=0.1, le=20.0)
     max_acceleration_m_s2: float = Field(default=2.5, gt=0.1, le=20.0)
@@ -45,6 +49,7 @@ class Flight(Wire):
     drift: float = Field(default=0.0, ge=0.0, le=0.1)
     drift_seed: int = Field(default=0, ge=0, le=2**31 - 1)
     endurance_s: float = Field(default=1500.0, ge=1.0, le=86_400.0)
+    reserve: float = Field(default=0.2, ge=0.0, le=0.9)
     pace: float = Field(default=0.0, ge=0.0, le=100.0)
 
 

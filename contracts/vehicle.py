@@ -42,9 +42,10 @@ class PoseUncertainty(Wire):
 
 
 class Battery(Wire):
-    """`remaining`: of a full charge, 0..1; null where nothing measures it."""
+    """`remaining`: of a full charge, 0..1; null where nothing measures it. `reserve`: what is kept for the way home."""
 
     remaining: Unit | None = None
+    reserve: Unit | None = None
     voltage_v: float | None = Field(default=None, ge=0.0, le=1_000.0)
 
 

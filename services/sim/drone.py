@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 from contracts.geometry import Point3, Pose
 from contracts.sim import Flight
 from contracts.vehicle import Battery, FlightMode, Health, VehicleState
+from services.sim.dynamic_flight import DynamicFlight, Pilot
 from services.sim.kinematics import Vector, wrapped
 from services.sim.odometry import Odometry, Way
 from services.sim.trajectory import Flown, Trajectory, plan
@@ -23,7 +24,7 @@ UNDERGROUND_M = -1.0
 
 LOOK_S = 0.1
 """By so much the vehicle's clock goes on for each look, beside the time it flies."""
-_RATES_S = 0.01
+_RATES_S = 0.05
 
 
 class Rates(NamedTuple):
@@ -38,17 +39,27 @@ class Rates(NamedTuple):
 class Drone:
     """Starts in the air, where it holds. One call at a time, but `advance`, `pose` and `state` may come meanwhile."""
 
-    def __init__(self, world: World, flight: Flight, start: Pose, odometry: Odometry, roof_m: float) -> None:
+    def __init__(
+        self,
+        world: World,
+        flight: Flight,
+        start: Pose,
+        odometry: Odometry,
+        roof_m: float,
+        pilot: Pilot | None = None,
+    ) -> None:
+        """`pilot`: who flies it by dynamics; without one it is kinematic."""
         self._world = world
         self._flight = flight
+        self._pilot = pilot
         self._odometry = odometry
         self._home = Point3(x=start.x, y=start.y, z=start.z)
         self._roof_m = roof_m
         self._pose = start
         self._mode: FlightMode = "holding"
-        self._path_m = self._path_horizontal_m = self._flight_s = 0.0
+        self._path_m = self._path_horizontal_m = self._flight_s = self._effort_s = 0.0
         self._hit: str | None = None
-        self._trajectory: Trajectory | None = None
+        self._trajectory: Trajectory | DynamicFlight | None = None
         self._now: Flown | None = None
         self._time_s = 0.0
 
@@ -117,8 +128,8 @@ class Drone:
             uncertainty=self._odometry.uncertainty(
                 Way(self._path_m + (now.path_m if now else 0.0), horizontal_m, flight_s)
             ),
-            battery=Battery(remaining=max(0.0, 1.0 - flight_s / self._flight.endurance_s)),
-            health=self._health(flight_s),
+            battery=Battery(remaining=self._charge, reserve=self._flight.reserve),
+            health=self._health(),
             moves=moves,
             path_m=self._path_m + (now.path_m if now else 0.0),
             path_horizontal_m=horizontal_m,
@@ -164,7 +175,11 @@ class Drone:
         return self._end(self._trajectory.stopped_at(self._time_s))
 
     def _begin(self, doing: Doing, path: Sequence[Vector], yaw: float | None) -> None:
-        trajectory = plan(self._world, self._flight, self._pose, path, yaw)
+        trajectory: Trajectory | DynamicFlight
+        if self._pilot is not None:
+            trajectory = self._pilot.plan(self._pose, path, yaw)
+        else:
+            trajectory = plan(self._world, self._flight, self._pose, path, yaw)
         self._time_s, self._now, self._mode = 0.0, None, doing
         self._trajectory = trajectory
 
@@ -179,15 +194,33 @@ class Drone:
         self._path_m += flown.path_m
         self._path_horizontal_m += flown.path_horizontal_m
         self._flight_s += flown.flight_s
+        self._effort_s += _effort_s(flown)
         return flown
 
-    def _health(self, flight_s: float) -> Health:
+    @property
+    def empty(self) -> bool:
+        """Nothing is left in the battery."""
+        return self._charge <= 0.0
+
+    @property
+    def _charge(self) -> float:
+        now = self._now
+        effort_s = self._effort_s + (_effort_s(now) if now is not None else 0.0)
+        return max(0.0, 1.0 - effort_s / self._flight.endurance_s)
+
+    def _health(self) -> Health:
         problems = []
         if self._hit is not None:
             problems.append(f"it has hit {self._hit}")
-        if flight_s >= self._flight.endurance_s:
+        if self.empty:
             problems.append("its battery is empty")
+        elif self._charge <= self._flight.reserve:
+            problems.append("its battery is down to the reserve")
         return Health(ok=not problems, problems=tuple(problems))
+
+
+def _effort_s(flown: Flown) -> float:
+    return flown.flight_s if flown.effort_s is None else flown.effort_s
 
 
 def _way(flown: Flown) -> Way:

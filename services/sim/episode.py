@@ -9,6 +9,7 @@ from contracts.sim import Claim, Episode, EpisodeQuestion, Renderer, Verdict
 from contracts.vehicle import Move, MoveProgress, MoveResult, VehicleCapabilities, VehicleState
 from service_kit.errors import Conflict, NotFound
 from services.sim.drone import Drone
+from services.sim.dynamic_flight import Pilot
 from services.sim.judge import judge
 from services.sim.kinematics import wrapped
 from services.sim.lease import Lease
@@ -64,12 +65,19 @@ class LiveEpisode:
             noise_seed=question.seed,
             start=(pose.x, pose.y),
         )
-        self.drone = Drone(self._world, self.flight, pose, odometry, ready.blueprint.roof_m)
+        self.drone = Drone(self._world, self.flight, pose, odometry, ready.blueprint.roof_m, self._pilot())
 
     @property
     def moves(self) -> int:
         """The number of the last move begun."""
         return self._moves
+
+    def _pilot(self) -> Pilot | None:
+        """Who flies the drone by dynamics; null for a kinematic one."""
+        wind = self.ready.scene.air.wind
+        blows = wind.speed_m_s > 0.0 or wind.gusts_m_s > 0.0
+        model = self.flight.model or ("quadrotor" if blows else "kinematic")
+        return Pilot(self._world, self.flight, wind, self.seeds) if model == "quadrotor" else None
 
     def close(self) -> None:
         """Gives the physics client back."""
@@ -142,6 +150,7 @@ class LiveEpisode:
                 details={"expected": self._moves + 1},
             )
         self._must_stand(f"move {number}")
+        self._must_have_power()
         if self.drone.landed:
             raise Conflict("the drone stands on the ground; POST .../take-off first", code="landed")
         self.drone.move(move.path, move.yaw)
@@ -151,12 +160,14 @@ class LiveEpisode:
     def take_off(self, height_m: float) -> None:
         """Begins to; a drone that flies stays where it is. Raises Conflict while a flight is under way."""
         self._must_stand("taking off")
+        self._must_have_power()
         if self.drone.landed:
             self.drone.take_off(height_m)
 
     def return_home(self) -> None:
         """Begins to; a drone on the ground stays there. Raises Conflict while a flight is under way."""
         self._must_stand("returning")
+        self._must_have_power()
         if not self.drone.landed:
             self.drone.return_home()
 
@@ -241,6 +252,10 @@ class LiveEpisode:
             known = f"only the last one, {self._moves}, is remembered" if self._moves else "none was sent yet"
             raise NotFound(f"there is no move {number}; {known}", code="no_such_move")
         return self._last
+
+    def _must_have_power(self) -> None:
+        if self.drone.empty:
+            raise Conflict("the battery is empty: the drone only lands, POST .../land", code="battery_empty")
 
     def _must_stand(self, what: str) -> None:
         if self.drone.flies:

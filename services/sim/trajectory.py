@@ -31,13 +31,15 @@ class Sweeper(Protocol):
 
 
 class Flown(NamedTuple):
-    """How far a flight came. `path_m` is flown in 3-D, `path_horizontal_m` on the plan; `hit` names what stopped it."""
+    """How far a flight came. `path_m` is flown in 3-D, `path_horizontal_m` on the plan; `hit` names what stopped it.
+    `effort_s`: seconds of hovering that cost as much, null where that is the flight's own time."""
 
     pose: Pose
     path_m: float
     path_horizontal_m: float
     flight_s: float
     hit: str | None
+    effort_s: float | None = None
 
 
 class _SweptLeg(NamedTuple):

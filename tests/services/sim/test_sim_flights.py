@@ -162,7 +162,10 @@ def test_the_battery_empties_with_the_time_flown_and_health_tells_what_is_wrong(
     assert after.vehicle.health.ok
     empty = MoveResult.model_validate_json(sim.move(episode.id, 2, FAR).content).vehicle
     assert (empty.battery.remaining, empty.health.problems) == (0.0, ("its battery is empty",))
-    hit = MoveResult.model_validate_json(sim.move(episode.id, 3, [{"x": -40.0, "y": -15.0, "z": -1.0}]).content)
+    refused = sim.move(episode.id, 3, [{"x": -30.0, "y": -15.0, "z": 1.5}])
+    assert (refused.status_code, refused.json()["error"]["code"]) == (409, "battery_empty")
+    other = sim.start(yard)
+    hit = MoveResult.model_validate_json(sim.move(other.id, 1, [{"x": 0.0, "y": -15.0, "z": -1.0}]).content)
     assert "it has hit ground" in hit.vehicle.health.problems
 
 
