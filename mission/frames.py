@@ -79,9 +79,7 @@ class FrameWatch:
         if self._stale:
             return FlightRefused("stale_frames", "the pictures are not new")
         if self._jumped_m > self._max_jump_m:
-            return FlightRefused(
-                "pose_jump", f"the drone says it is {self._jumped_m:.1f} m from where it was left"
-            )
+            return FlightRefused("pose_jump", f"the drone says it is {self._jumped_m:.1f} m from where it was left")
         if self._frozen:
             said = ", ".join(sorted(self._frozen))
             return FlightRefused("frozen_frames", f"the drone has moved, the picture of camera {said} has not")
