@@ -223,8 +223,9 @@ def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -
     with view:
         run = Run(folder, job, settings.workers, view.show)
         try:
-            asyncio.run(interruptible(run.fly()))
-        except asyncio.CancelledError:
+            asyncio.run(interruptible(run.fly(), lambda: console.print("stopping", highlight=False)))
+            return run.conclude()
+        except (asyncio.CancelledError, KeyboardInterrupt):
             run.conclude()
             stop(
                 f"interrupted after {len(folder.records)} of {len(folder.tasks)} results; the same command with "
@@ -233,4 +234,3 @@ def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -
             )
         except (CannotRun, OSError) as error:
             stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)
-    return run.conclude()

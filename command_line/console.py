@@ -2,7 +2,7 @@
 
 import asyncio
 import signal
-from collections.abc import Coroutine, Iterator
+from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, NoReturn, Self, TypeVar
@@ -67,12 +67,22 @@ def bar(console: Console) -> Progress:
     return Progress(*columns, console=console, transient=True)
 
 
-async def interruptible(work: Coroutine[Any, Any, T]) -> T:
-    """`work`, which SIGINT and SIGTERM cancel. Raises asyncio.CancelledError then."""
-    task = asyncio.current_task()
-    if task is not None:
+async def interruptible(work: Coroutine[Any, Any, T], told: Callable[[], None] = lambda: None) -> T:
+    """`work`, which SIGINT and SIGTERM cancel; for commands that end with it. `told` hears of the first. A second
+    Ctrl-C does nothing, that what has begun can be put in order; a second SIGTERM ends the process. Raises
+    asyncio.CancelledError when it was cancelled."""
+    task, loop = asyncio.current_task(), asyncio.get_running_loop()
+
+    def leave() -> None:
         for number in (signal.SIGINT, signal.SIGTERM):
-            asyncio.get_running_loop().add_signal_handler(number, task.cancel)
+            loop.remove_signal_handler(number)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        told()
+        if task is not None:
+            task.cancel()
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, leave)
     return await work
 
 

@@ -1,25 +1,51 @@
-"""`logisticsvln`: all commands under one name."""
+"""`logisticsvln`: all commands under one name. What a command needs is loaded when it is run, and not to list it."""
 
-import subprocess
-import sys
-from pathlib import Path
-from typing import Annotated, Literal
+import importlib
+import signal
+from typing import Any, NamedTuple
 
 import typer
-from rich.console import Console
-from rich.table import Table
+import typer.core
+import typer.main
 
-from command_line import bench, tasks
-from command_line.deliver import deliver
-from command_line.doctor import doctor
-from command_line.evaluate import evaluate
-from command_line.report import compare, report
-from command_line.serve import serve
-from orchestrator import sample_library
-from service_kit.settings import process_environment
+
+class Listed(NamedTuple):
+    """A command before it is loaded: the module of this package that has it, and what it is for in a few words."""
+
+    module: str
+    about: str
+
+
+COMMANDS = {
+    "deliver": Listed("deliver", "Fly one delivery and show it live."),
+    "serve": Listed("serve", "Run all services as processes of this machine, or one by name, until Ctrl-C."),
+    "doctor": Listed("doctor", "Look whether this machine has what is needed, and say what to do where it has not."),
+    "recording": Listed("recording", "Put the gateway's recorded answers into one file, or take them out of one."),
+    "samples": Listed("samples", "List the deliveries that ship with the project."),
+    "tasks": Listed("tasks", "The task set: make fresh ones, look at single tasks, count what is in them."),
+    "bench": Listed("bench", "Fly a task set and print the figures; put the shards of a run together."),
+    "report": Listed("report", "One HTML page of runs: the paper's tables with ours beside them, and every failure."),
+    "compare": Listed("report", "Runs side by side, with paired tests against the first."),
+    "evaluate": Listed("evaluate", "Measure a vision model on fresh streets."),
+}
+
+
+class LoadedWhenRun(typer.core.TyperGroup):
+    """A group that lists commands by what stands here about them, and imports the module of the one that is run."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, listed, rest = super().resolve_command(ctx, args)
+        if name is None or listed is None:
+            return name, listed, rest
+        loaded = _loaded(name)
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # as `__main__` left it
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        return name, loaded, rest
+
 
 app = typer.Typer(
     name="logisticsvln",
+    cls=LoadedWhenRun,
     help="Vision-language drone delivery to a window: from a sentence to a safe stop.",
     no_args_is_help=True,
     add_completion=False,
@@ -27,44 +53,20 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-app.command()(deliver)
-app.command()(serve)
-app.command()(doctor)
+
+def _not_loaded() -> None:
+    """Stands for a command in the list of all."""
 
 
-@app.command()
-def recording(
-    action: Annotated[Literal["export", "import", "check"], typer.Argument(help="What to do with the file.")],
-    file: Annotated[Path, typer.Argument(help="The recording.")],
-) -> None:
-    """Put the gateway's recorded answers (CACHE_PATH or REDIS_URL) into one file, or take them out of one."""
-    command = [sys.executable, "-m", "services.vlm_gateway.recording", action, str(file)]
-    raise typer.Exit(subprocess.run(command, env=process_environment(), check=False).returncode)
+for _name, _listed in COMMANDS.items():
+    app.command(_name, help=_listed.about)(_not_loaded)
 
 
-@app.command()
-def samples() -> None:
-    """List the deliveries that ship with the project."""
-    table = Table(box=None, padding=(0, 2), header_style="dim")
-    for heading in ("sample", "difficulty", "what", "request"):
-        table.add_column(heading, overflow="fold")
-    for name in sample_library.names():
-        one = sample_library.load(name)
-        table.add_row(one.name, one.difficulty, one.title, one.request)
-    Console().print(table)
-
-
-app.add_typer(tasks.app, name="tasks")
-app.add_typer(bench.app, name="bench")
-app.command()(report)
-app.command()(compare)
-app.command()(evaluate)
-
-
-def main() -> None:
-    """The command line's entry point."""
-    sys.exit(app())
-
-
-if __name__ == "__main__":
-    main()
+def _loaded(name: str) -> Any:
+    """The command: the module's `app` where it has one, else its function of that name."""
+    module = importlib.import_module(f"command_line.{COMMANDS[name].module}")
+    own = getattr(module, "app", None)
+    if not isinstance(own, typer.Typer):
+        own = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+        own.command(name)(getattr(module, name))
+    return typer.main.get_command(own)

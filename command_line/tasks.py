@@ -15,6 +15,7 @@ from evaluation.task_set.generate import MAX_SEED, MAX_TASKS, CannotGenerate, ge
 from evaluation.task_set.task_counts import TaskCounts, count_tasks, write_page
 from evaluation.task_set.task_files import BadTasks, TaskSet, lines_of, load, packed, read
 from evaluation.task_set.task_picture import draw_task
+from mission.wording import counted
 
 app = typer.Typer(
     help="The task set: make fresh ones, look at single tasks, count what is in them.",
@@ -49,6 +50,8 @@ def generate_command(
             part = out.with_name(out.name + ".part")
             part.write_bytes(packed(made.tasks) if out.name.endswith(".zst") else lines_of(made.tasks))
             part.replace(out)
+            found = count_tasks(read(lines_of(made.tasks), str(out)))
+            typer.echo(f"{out}: {counted(found.tasks, 'task')} at {counted(found.buildings, 'building')}")
     except ValueError as error:
         stop(str(error), WRONG_INPUT)
     except (CannotGenerate, SimulatorFault) as error:

@@ -1,15 +1,12 @@
 """The simulator over HTTP, for the tools that build and judge scenes; nothing of the simulator is imported."""
 
-import json
-import os
-import socket
-import subprocess
-import sys
-import time
+import asyncio
+import tempfile
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel
@@ -18,6 +15,7 @@ from contracts.cameras import Rig, default_rig
 from contracts.scene import Scene
 from contracts.sim import Catalogue, Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
 from contracts.vehicle import Move, MoveResult, Observation
+from launcher.processes import CannotStart, Processes, free_ports
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
 
@@ -81,32 +79,25 @@ class SimClient:
 
 
 @contextmanager
-def own_simulator(start_s: float = 60.0) -> Iterator[SimClient]:
-    """A simulator of one's own on a free port, ended with the block, or with this process. Raises SimulatorFault, and
-    BadSetting where the environment's token can't be read."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = int(probe.getsockname()[1])
-    own = {"PORT": str(port), "HOST": "127.0.0.1", "SIM_TRUTH": "on", "PARENT_PID": str(os.getpid())}
+def own_simulator() -> Iterator[SimClient]:
+    """A simulator of one's own on a free port that tells the truth, ended with the block, or with this process. Not
+    from within a running event loop. Raises SimulatorFault, and BadSetting where the environment's token can't be
+    read."""
     environment = process_environment()
     token = Connections.read(environment).tokens.sim
-    process = subprocess.Popen([sys.executable, "-m", "services.sim"], env=environment | own)
-    client = SimClient(f"http://127.0.0.1:{port}", token)
-    try:
-        until = time.monotonic() + start_s
-        while True:
-            try:
-                json.loads(client._send("GET", "/readyz", None))
-                break
-            except (SimulatorFault, ValueError) as error:
-                if process.poll() is not None or time.monotonic() > until:
-                    raise SimulatorFault(f"the simulator did not start: {error}") from None
-                time.sleep(0.1)
-        yield client
-    finally:
-        process.terminate()
+    with tempfile.TemporaryDirectory(prefix="logisticsvln-") as logs:
+        truthful = {"sim": {"SIM_TRUTH": "on"}}
+        group = Processes(free_ports(("sim",)), Path(logs), environment=environment, extra=truthful)
         try:
-            process.wait(timeout=20)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            _started(group)
+            yield SimClient(group.addresses.sim, token)
+        finally:
+            group.stop()
+
+
+def _started(group: Processes) -> None:
+    try:
+        group.start()
+        asyncio.run(group.ready())
+    except CannotStart as error:
+        raise SimulatorFault(f"the simulator did not start: {error}") from None

@@ -81,7 +81,7 @@ def test_the_doctor_notices_a_redis_that_is_set_and_does_not_answer(tmp_path: Pa
 
 def calibrate(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]:
     """`logisticsvln doctor --calibrate`, whose output is another process's."""
-    command = [sys.executable, "-m", "command_line.main", "doctor", "--calibrate", *arguments]
+    command = [sys.executable, "-m", "command_line", "doctor", "--calibrate", *arguments]
     return subprocess.run(command, env=os.environ | environment, capture_output=True, text=True, timeout=120)
 
 

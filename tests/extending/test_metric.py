@@ -30,7 +30,7 @@ def run(tmp_path: Path) -> Path:
 
 def command(site: Path, *arguments: str | Path) -> str:
     done = subprocess.run(
-        [sys.executable, "-m", "command_line.main", *map(str, arguments)],
+        [sys.executable, "-m", "command_line", *map(str, arguments)],
         env=os.environ | {"PYTHONPATH": str(site)},
         capture_output=True,
         text=True,

@@ -41,7 +41,7 @@ def test_a_rig_from_a_file_is_carried_and_seen_through() -> None:
 
 
 def test_a_delivery_flies_with_it_by_the_name_of_the_file(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "command_line.main", "deliver", "--sample", "green-flower-pot"]
+    command = [sys.executable, "-m", "command_line", "deliver", "--sample", "green-flower-pot"]
     options = ["--backend", "oracle", "--rig", str(HEXAGON), "--image-size", "320", "--out", str(tmp_path), "--json"]
     flown = subprocess.run([*command, *options], capture_output=True, text=True, timeout=150)
     told = json.loads(flown.stdout)

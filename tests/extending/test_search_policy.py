@@ -14,7 +14,7 @@ from tests.extending.conftest import install
 
 def deliver(site: Path, out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "command_line.main", "deliver", "--json", "--out", str(out), *arguments],
+        [sys.executable, "-m", "command_line", "deliver", "--json", "--out", str(out), *arguments],
         env=os.environ | {"PYTHONPATH": str(site)},
         capture_output=True,
         text=True,

@@ -124,7 +124,7 @@ def test_a_model_the_server_does_not_have_is_rejected(real: Running, gateway: Ga
 
 def test_the_doctor_says_that_this_model_gives_no_boxes(real: Running, gateway: Gateway) -> None:
     url = gateway(config(real))
-    command = [sys.executable, "-m", "command_line.main", "doctor", "--calibrate", "tiny", "--gateway", url]
+    command = [sys.executable, "-m", "command_line", "doctor", "--calibrate", "tiny", "--gateway", url]
     done = subprocess.run([*command, "--rounds", "1", "--json"], capture_output=True, text=True, timeout=600)
     told = json.loads(done.stdout)
     assert (done.returncode, told["certainty"], told["shapes_told"]) == (1, "none", 0)

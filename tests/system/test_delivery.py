@@ -148,7 +148,7 @@ def test_over_rest_the_events_stream_and_can_be_replayed(orchestrator_url: str) 
 
 def deliver(*arguments: str, at: Addresses, runs: Path) -> subprocess.Popen[str]:
     urls = ",".join(f"{name}={url}" for name, url in vars(at).items())
-    command = [sys.executable, "-m", "command_line.main", "deliver", *arguments, "--services", urls, "--out", str(runs)]
+    command = [sys.executable, "-m", "command_line", "deliver", *arguments, "--services", urls, "--out", str(runs)]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=dict(os.environ))
 

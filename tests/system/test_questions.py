@@ -43,7 +43,7 @@ def command(at: Addresses, runs: Path, *more: str) -> list[str]:
     urls = ",".join(f"{name}={url}" for name, url in vars(at).items())
     flown = ("--sample", "villa-teddy-bear", "--backend", "oracle", "--image-size", "200")
     line = ["deliver", VAGUE, *flown, *more, "--services", urls, "--out", str(runs)]
-    return [sys.executable, "-m", "command_line.main", *line]
+    return [sys.executable, "-m", "command_line", *line]
 
 
 def test_with_json_nobody_is_asked_and_the_end_says_the_question(attentive: Addresses, runs: Path) -> None:

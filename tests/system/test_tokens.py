@@ -93,7 +93,7 @@ async def test_the_orchestrator_is_not_ready_with_a_wrong_token_and_names_servic
 def test_commands_read_tokens_from_files(
     command: tuple[str, ...], told: tuple[str, object], secrets: dict[str, str], tmp_path: Path
 ) -> None:
-    line = [sys.executable, "-m", "command_line.main", *command, "--out", str(tmp_path / "out"), "--json"]
+    line = [sys.executable, "-m", "command_line", *command, "--out", str(tmp_path / "out"), "--json"]
     done = subprocess.run(line, env=os.environ | secrets, capture_output=True, text=True, timeout=170, check=False)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)[told[0]] == told[1]
@@ -101,7 +101,7 @@ def test_commands_read_tokens_from_files(
 
 @pytest.mark.parametrize("command", [("deliver", "--sample", SAMPLE), ("bench", "--limit", "1")])
 def test_a_token_file_that_is_not_there_is_named(command: tuple[str, ...], tmp_path: Path) -> None:
-    line = [sys.executable, "-m", "command_line.main", *command, "--out", str(tmp_path / "out")]
+    line = [sys.executable, "-m", "command_line", *command, "--out", str(tmp_path / "out")]
     environment = os.environ | {"GATEWAY_TOKEN_FILE": "/nowhere/token"}
     done = subprocess.run(line, env=environment, capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stdout) == (2, "")
