@@ -4,9 +4,9 @@ import re
 from collections.abc import Iterator
 
 from contracts.events import json_schema
-from orchestrator.app import VIEWER
+from orchestrator.access_routes import HERE
 
-PAGE = VIEWER.read_text(encoding="utf-8")
+PAGE = (HERE / "viewer.html").read_text(encoding="utf-8")
 SCHEMA = json_schema()
 
 
