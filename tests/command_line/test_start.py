@@ -22,6 +22,11 @@ try:
 except SystemExit:
     print(*sorted(sys.modules))
 """
+BEGUN = """
+from command_line.__main__ import main
+print("begun", flush=True)
+main()
+"""
 
 
 @pytest.mark.parametrize("arguments", [["--help"], [], ["nonsense"]])
@@ -51,8 +56,10 @@ def test_every_command_that_is_listed_is_there(name: str) -> None:
 def test_an_interrupt_before_the_first_question_ends_the_command_without_a_traceback(
     tmp_path: Path, after_s: float
 ) -> None:
-    command = [sys.executable, "-m", "command_line", "bench", "--out", str(tmp_path / "run")]
+    command = [sys.executable, "-c", BEGUN, "bench", "--out", str(tmp_path / "run")]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    assert run.stdout is not None
+    assert run.stdout.readline() == "begun\n"
     time.sleep(after_s)
     os.killpg(run.pid, signal.SIGINT)
     out, err = run.communicate(timeout=60)
