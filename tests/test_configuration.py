@@ -15,8 +15,8 @@ ROOT = Path(__file__).parent.parent
 OURS = ("contracts", "navigation", "service_kit", "services", "mission", "orchestrator", "launcher", "evaluation")
 COMMANDS = ("command_line", "training", "scripts")
 ENVIRONMENT_IS_READ_BY = Path("service_kit/settings.py")
-KEY_OF_A_MODEL = "OPENAI_API_KEY"
-"""Named by the gateway's TOML file, as `api_key_env`; no setting of ours."""
+KEYS_OF_MODELS = ("OPENAI_API_KEY", "GEMINI_API_KEY", "DASHSCOPE_API_KEY", "OPENROUTER_API_KEY")
+"""Named by the gateway's TOML file, as `api_key_env`; no settings of ours."""
 COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))["services"]
 MODULES = sorted(p for package in (*OURS, *COMMANDS) for p in (ROOT / package).rglob("*.py"))
 
@@ -57,15 +57,19 @@ def test_every_service_and_its_callers_share_one_token_variable() -> None:
 @pytest.mark.parametrize("name", SERVICES)
 def test_compose_sets_only_variables_that_the_service_reads(name: str) -> None:
     service = COMPOSE[name.replace("_", "-")]
-    assert set(service["environment"]) - {KEY_OF_A_MODEL} <= SERVICES[name].names()
+    keys = {variable for key in KEYS_OF_MODELS for variable in (key, f"{key}_FILE")}
+    assert set(service["environment"]) - keys <= SERVICES[name].names()
 
 
 @pytest.mark.parametrize("name", SERVICES)
 def test_compose_hands_every_token_on_from_variable_and_file(name: str) -> None:
-    given = COMPOSE[name.replace("_", "-")]["environment"]
-    for variable in (v.name for v in SERVICES[name].variables() if v.secret and v.name.endswith("_TOKEN")):
-        assert given[variable] == f"${{{variable}:-}}"
-        assert given[f"{variable}_FILE"] == f"${{{variable}_FILE:-}}"
+    service = COMPOSE[name.replace("_", "-")]
+    keys = KEYS_OF_MODELS if name == "vlm_gateway" else ()
+    wanted = [v.name for v in SERVICES[name].variables() if v.secret and not v.name.endswith("REDIS_URL")]
+    for variable in (*wanted, *keys):
+        assert service["environment"][variable] == f"${{{variable}:-}}"
+        assert service["environment"][f"{variable}_FILE"] == f"${{{variable}_FILE:+/run/secrets/{variable.lower()}}}"
+    assert set(service["secrets"]) == {variable.lower() for variable in (*wanted, *keys)}
 
 
 def test_what_is_set_in_one_environment_for_all_services_is_unknown_to_none() -> None:
