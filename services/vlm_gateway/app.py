@@ -32,6 +32,7 @@ from service_kit.requests import Origins
 from service_kit.workers import Worker
 from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.oracle import asked_vehicle
+from services.vlm_gateway.cache.claims import Claims
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits
 from services.vlm_gateway.errors import ERROR_ANSWERS
@@ -68,6 +69,7 @@ def build_app(
     tracer: Tracer = NO_TRACER,
     reloader: Reloader | None = None,
     worker: Worker | None = None,
+    claims: Claims | None = None,
 ) -> Frontend:
     """The service over a wired `gateway`: the framework's app behind the frontend for chats. Its cache is started and
     everything is closed with the app. Without `keys` everybody may ask everything; `log_share` of the chats get a line
@@ -82,6 +84,7 @@ def build_app(
         gateway.metrics,
         gateway.accounts,
         tracer,
+        claims,
     )
     known = keys or Keys({})
     log = RequestLog(log_share)
@@ -108,6 +111,8 @@ def build_app(
             await gateway.accounts.ledger.close()
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(asyncio.to_thread(tracer.close), 2.0)
+            if claims is not None:
+                await claims.close()
             if cache is not None:
                 await cache.close()
 

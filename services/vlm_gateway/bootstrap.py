@@ -16,8 +16,11 @@ from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.extension import ExtensionModelConfig, build_extension
 from services.vlm_gateway.backends.lazy import LazyBackend
 from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
+from services.vlm_gateway.cache.claims import Claims
 from services.vlm_gateway.cache.factory import cache_of
 from services.vlm_gateway.cache.guard import GuardedCache
+from services.vlm_gateway.cache.port import Cache
+from services.vlm_gateway.cache.redis import RedisCache
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import ChatLimits, api_key, chat_model, load_config
 from services.vlm_gateway.gateway import Gateway
@@ -61,7 +64,8 @@ def build(settings: GatewaySettings, worker: Worker | None = None, *, environmen
     http = HttpMetrics()
     figures = GatewayMetrics(http.registry)
     now = configured(settings, environment, figures, worker)
-    cache = _guarded_cache(settings, figures)
+    store = None if settings.cache_mode == "off" else cache_of(settings)
+    cache = None if store is None else GuardedCache(store, settings.cache_mode, figures.cache_failed)
     accounts = Accounts(Ledger(usage_store_of(settings), figures.usage_failed), now.prices, figures)
     gateway = Gateway(now.backends, now.roles, cache, figures, accounts, (*KINDS, *extension_questions()))
     origins = Origins(origin for said in settings.cors_origins.split(",") if (origin := said.strip()))
@@ -92,6 +96,7 @@ def build(settings: GatewaySettings, worker: Worker | None = None, *, environmen
         tracer=_tracer(settings),
         reloader=Reloader(reload, files) if settings.gateway_config is not None else None,
         worker=worker,
+        claims=_claims(store, cache, worker),
     )
     return frontend
 
@@ -219,7 +224,8 @@ def _embedded_revision() -> str:
     return digest.hexdigest()
 
 
-def _guarded_cache(settings: GatewaySettings, figures: GatewayMetrics) -> GuardedCache | None:
-    if settings.cache_mode == "off":
+def _claims(store: Cache | None, cache: GuardedCache | None, worker: Worker | None) -> Claims | None:
+    """Where several workers share a Redis that may be written to."""
+    if worker is None or cache is None or cache.mode != "on":
         return None
-    return GuardedCache(cache_of(settings), settings.cache_mode, figures.cache_failed)
+    return Claims(store, cache) if isinstance(store, RedisCache) else None

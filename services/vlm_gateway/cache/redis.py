@@ -55,7 +55,7 @@ class RedisCache:
         return self._shown
 
     async def get(self, key: str) -> bytes | None:
-        value = await self._do(b"GET", PREFIX + key.encode())
+        value = await self.do(b"GET", PREFIX + key.encode())
         return value if isinstance(value, bytes) else None
 
     async def put(self, answers: Mapping[str, bytes]) -> None:
@@ -80,19 +80,19 @@ class RedisCache:
         """Walks with SCAN, inside a script, since its own reply is of a kind that nothing else here needs."""
         cursor = b"0"
         while True:
-            page = await self._do(b"EVAL", _SCAN, b"0", cursor, PREFIX + b"*")
+            page = await self.do(b"EVAL", _SCAN, b"0", cursor, PREFIX + b"*")
             if not isinstance(page, bytes):
                 raise CacheDown(f"{self._shown} can't be walked through")
             cursor, *names = page.split(b"\n")
             for name in names:
-                value = await self._do(b"GET", name)
+                value = await self.do(b"GET", name)
                 if isinstance(value, bytes):
                     yield Entry(name.removeprefix(PREFIX).decode("ascii", "replace"), value)
             if cursor == b"0":
                 return
 
     async def ping(self) -> None:
-        await self._do(b"PING")
+        await self.do(b"PING")
 
     async def close(self) -> None:
         if self._connecting is not None:
@@ -102,7 +102,7 @@ class RedisCache:
             self._line.lost(CacheDown(f"{self._shown} is closed"))
             self._line = None
 
-    async def _do(self, *words: bytes) -> Value:
+    async def do(self, *words: bytes) -> Value:
         line = await self._open()
         return await self._read(line.ask(command(*words), self._timeout_s))
 

@@ -5,6 +5,7 @@ from functools import partial
 from typing import NamedTuple
 
 from service_kit.errors import NotFound, ServiceError
+from services.vlm_gateway.cache.claims import Claims
 from services.vlm_gateway.cache.guard import GuardedCache
 from services.vlm_gateway.errors import ModelError, ModelRejected
 from services.vlm_gateway.hot.answers import Stored
@@ -69,7 +70,9 @@ class Models:
         metrics: GatewayMetrics,
         accounts: Accounts,
         tracer: Tracer = NO_TRACER,
+        claims: Claims | None = None,
     ) -> None:
+        self._claims = claims
         self._accounts = accounts
         self._tracer = tracer
         self._targets = targets
@@ -126,6 +129,11 @@ class Models:
             chat.wants_usage,
             chat.limits_length,
         )
+
+    async def whole_once(self, call: ModelRequest) -> Answered:
+        """As `whole`, unless another worker is getting the answer."""
+        make = partial(self.whole, call)
+        return await (make() if self._claims is None else self._claims.once(call.digest, make, _kept_before))
 
     async def whole(self, call: ModelRequest) -> Answered:
         """Target by target, until one answers. Raises OverBudget as well."""
@@ -221,6 +229,12 @@ class Models:
             return False
         self._metrics.fell_back(target.alias, after.alias, error.kind)
         return True
+
+
+def _kept_before(value: bytes) -> Answered | None:
+    """What another worker has kept."""
+    stored = Stored.read(value)
+    return None if stored is None or stored.stream else Answered(stored.alias, stored.body, "answered")
 
 
 def _outcome(said: Said, length_asked_for: bool) -> str:

@@ -234,7 +234,7 @@ class Frontend:
         if chat.stream:
             await self._stream(call, exchange)
         elif digest:
-            landed = await self._flights.share(digest, partial(self.models.whole, call))
+            landed = await self._flights.share(digest, partial(self.models.whole_once, call))
             exchange.cache = "hit" if landed.shared else "miss"
             self._answer(exchange, landed.value)
         else:

@@ -1,6 +1,7 @@
 """Streams of server-sent events on their way through: what went by, and one stream for several callers."""
 
 import asyncio
+from collections import deque
 from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
 from dataclasses import dataclass
@@ -44,44 +45,66 @@ class Relayed:
         return b"".join(self._pieces) if self._size <= MAX_VALUE_BYTES else None
 
 
+class _Reader:
+    """One of a broadcast's readers: the number of the piece that it wants next, and where it waits for it."""
+
+    def __init__(self) -> None:
+        self.at = 0
+        self.cut_off = False
+        self.turn: asyncio.Future[None] | None = None
+
+    def wake(self) -> None:
+        if self.turn is not None and not self.turn.done():
+            self.turn.set_result(None)
+
+
 class Broadcast:
     """One stream under way and everybody who reads it. Whoever comes late gets what went by first; when the last
-    reader leaves, the stream is broken off."""
+    reader leaves, the stream is broken off.
+
+    What went by is held up to MAX_SHARED_BYTES. From there on nobody may join, what all have read is let go, and
+    whoever is so far behind that more would be held is cut off; but for the one who has been there longest, for whom
+    the stream waits as it would for a single reader."""
 
     def __init__(self, pieces: Pieces, course: Course, over: Callable[[], object]) -> None:
         """`over` is called when nobody may join any more."""
         self.course = course
-        self._so_far: list[bytes] = []
+        self._held: deque[bytes] = deque()
+        self._first = 0  # the number of the first piece that is held
         self._size = 0
+        self._joinable = True
         self._ended = False
         self._error: BaseException | None = None
-        self._readers = 0
-        self._waiting: set[asyncio.Future[None]] = set()
+        self._readers: dict[_Reader, None] = {}
+        self._read_on = asyncio.Event()
         self._over = over
         self._task = asyncio.create_task(self._pump(pieces))
 
     async def read(self) -> Pieces:
         """Everything from the beginning. Raises what the stream raised, after all that came before it."""
-        self._readers += 1
-        at = 0
+        reader = _Reader()
+        self._readers[reader] = None
         try:
             while True:
-                while at < len(self._so_far):
-                    at += 1
-                    yield self._so_far[at - 1]
+                while not reader.cut_off and reader.at < self._first + len(self._held):
+                    piece = self._held[reader.at - self._first]
+                    reader.at += 1
+                    yield piece
+                    self._read_on.set()
+                if reader.cut_off:
+                    raise ModelUnreachable(
+                        "this caller was too slow for a stream that it shares with others; ask again"
+                    )
                 if self._ended:
                     break
-                turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-                self._waiting.add(turn)
-                try:
-                    await turn
-                finally:
-                    self._waiting.discard(turn)
+                reader.turn = asyncio.get_running_loop().create_future()
+                await reader.turn
             if self._error is not None:
                 raise self._error
         finally:
-            self._readers -= 1
-            if self._readers == 0 and not self._ended:
+            del self._readers[reader]
+            self._read_on.set()
+            if not self._readers and not self._ended:
                 self._over()
                 self._task.cancel()
 
@@ -89,11 +112,12 @@ class Broadcast:
         try:
             async with aclosing(pieces):
                 async for piece in pieces:
-                    self._so_far.append(piece)
+                    self._held.append(piece)
                     self._size += len(piece)
-                    if self._size > MAX_SHARED_BYTES:
-                        raise ModelUnreachable(f"the stream is over {MAX_SHARED_BYTES} bytes")
                     self._wake()
+                    if self._size > MAX_SHARED_BYTES:
+                        self._close_to_newcomers()
+                        await self._made_room()
         except Exception as error:
             self._error = error
         except asyncio.CancelledError as error:
@@ -101,10 +125,32 @@ class Broadcast:
             raise
         finally:
             self._ended = True
-            self._over()
+            self._close_to_newcomers()
             self._wake()
 
+    def _close_to_newcomers(self) -> None:
+        if self._joinable:
+            self._joinable = False
+            self._over()
+
+    async def _made_room(self) -> None:
+        """Let go of what all have read. Who keeps the most from that is cut off, or waited for."""
+        while True:
+            longest_there = next(iter(self._readers), None)
+            behind = min(self._readers, key=lambda reader: reader.at, default=None)
+            while behind is not None and self._first < behind.at and self._held:
+                self._size -= len(self._held.popleft())
+                self._first += 1
+            if behind is None or self._size <= MAX_SHARED_BYTES:
+                return
+            if behind is longest_there:
+                self._read_on.clear()
+                await self._read_on.wait()
+            else:
+                behind.cut_off = True
+                behind.at = self._first + len(self._held)
+                behind.wake()
+
     def _wake(self) -> None:
-        for turn in self._waiting:
-            if not turn.done():
-                turn.set_result(None)
+        for reader in self._readers:
+            reader.wake()

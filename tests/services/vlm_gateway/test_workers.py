@@ -15,6 +15,7 @@ import httpx
 import pytest
 from aiohttp import web
 
+from tests.conftest import RedisProcess
 from tests.load.processes import Running, service
 from tests.services.vlm_gateway.kit import wait_until
 from tests.services.vlm_gateway.openai_mock import Behaviour, OpenAiMock, says
@@ -130,3 +131,56 @@ def test_the_end_is_the_end_of_all(gateway: Running) -> None:
     gateway.process.terminate()
     assert gateway.process.wait(20) == 0
     assert not any(Path(f"/proc/{worker}").exists() for worker in workers)
+
+
+@pytest.fixture
+def with_redis(mock: OpenAiMock, tmp_path: Path, redis_server: RedisProcess) -> Iterator[Running]:
+    file = tmp_path / "gateway.toml"
+    file.write_text(
+        f'[models.m]\nbackend = "chat"\npreset = "gpt-4o"\nbase_url = "{mock.url}"\nmodel = "x"\nconcurrency = 64\n'
+        f'[keys.wide]\nsha256 = "{hashlib.sha256(b"sk-wide").hexdigest()}"\nadmin = true\n'
+    )
+    environment = {
+        "WORKERS": "2",
+        "GATEWAY_CONFIG": str(file),
+        "REDIS_URL": redis_server.url,
+        "CACHE_TIMEOUT_S": "5",
+        "REQUEST_LOG_SHARE": "0",
+    }
+    with service("services.vlm_gateway", environment) as running:
+        yield running
+
+
+def test_200_identical_chats_in_two_workers_make_one_call(with_redis: Running, mock: OpenAiMock) -> None:
+    all_serve(with_redis)
+    mock.will(says("hello", after_s=1.0))
+
+    async def ask(client: httpx.AsyncClient) -> str:
+        chat = HI | {"temperature": 0}
+        answer = await client.post(with_redis.url + PATH, json=chat, headers={"authorization": "Bearer sk-wide"})
+        return str(answer.json()["choices"][0]["message"]["content"])
+
+    async def all_() -> list[str]:
+        limits = httpx.Limits(max_connections=200)
+        async with httpx.AsyncClient(timeout=60, limits=limits) as client:
+            return list(await asyncio.gather(*(ask(client) for _ in range(200))))
+
+    assert asyncio.run(all_()) == ["hello"] * 200
+    assert len(mock.asked) == 1
+
+
+def test_an_answer_that_is_not_kept_lets_the_next_worker_ask(with_redis: Running, mock: OpenAiMock) -> None:
+    all_serve(with_redis)
+    mock.will(says("cut", after_s=0.3, finish_reason="length"))
+
+    async def ask() -> int:
+        async with httpx.AsyncClient(timeout=60) as client:
+            chat = HI | {"temperature": 0}
+            headers = {"authorization": "Bearer sk-wide"}
+            return (await client.post(with_redis.url + PATH, json=chat, headers=headers)).status_code
+
+    async def all_() -> list[int]:
+        return list(await asyncio.gather(*(ask() for _ in range(20))))
+
+    assert asyncio.run(all_()) == [200] * 20
+    assert len(mock.asked) <= 4
