@@ -85,15 +85,15 @@ def process(
     url: str,
     ready: str,
     environment: dict[str, str],
-    core: int,
+    cores: int | str,
     within_s: float = 180.0,
     root: Path = ROOT,
 ) -> Iterator[Peer]:
-    """A server started in the folder `root`, pinned to one core, once it answers at `ready`; ended on leaving."""
+    """A server started in the folder `root`, pinned to `cores`, once it answers at `ready`; ended on leaving."""
     with tempfile.TemporaryFile() as log:
         started = time.perf_counter()
         child = subprocess.Popen(
-            ["taskset", "-c", str(core), *command], env=os.environ | environment, stdout=log, stderr=log, cwd=root
+            ["taskset", "-c", str(cores), *command], env=os.environ | environment, stdout=log, stderr=log, cwd=root
         )
         try:
             while True:
@@ -125,14 +125,14 @@ def second_start(
     url: str,
     ready: str,
     environment: dict[str, str],
-    core: int,
+    cores: int | str,
     root: Path = ROOT,
 ) -> Iterator[Peer]:
     """As every start is but the first after an installation, in which Python compiles what it reads."""
     environment = {**environment, "PYTHONDONTWRITEBYTECODE": ""}
-    with process(name, command, url, ready, environment, core, root=root):
+    with process(name, command, url, ready, environment, cores, root=root):
         pass
-    with process(name, command, url, ready, environment, core, root=root) as peer:
+    with process(name, command, url, ready, environment, cores, root=root) as peer:
         yield peer
 
 
@@ -149,7 +149,15 @@ def mock_server(core: int, after_ms: float = 0.0) -> Iterator[str]:
 
 
 def ours(
-    stack: ExitStack, folder: Path, mock: str, redis: str, core: int, *, root: Path = ROOT, name: str = "ours"
+    stack: ExitStack,
+    folder: Path,
+    mock: str,
+    redis: str,
+    cores: int | str,
+    *,
+    root: Path = ROOT,
+    name: str = "ours",
+    workers: int = 1,
 ) -> Peer:
     """The gateway of the working tree `root`, with everything on. `mock` answers whole, `mock-stream` in streams."""
     config = folder / f"{name}.toml"
@@ -165,9 +173,11 @@ def ours(
     )
     port = free_port()
     environment = {"GATEWAY_CONFIG": str(config), "REDIS_URL": redis, "PORT": str(port), "HOST": "127.0.0.1"}
+    if workers > 1:
+        environment["WORKERS"] = str(workers)
     command = [str(root / ".venv" / "bin" / "python"), "-m", "services.vlm_gateway"]
     url = f"http://127.0.0.1:{port}"
-    return stack.enter_context(second_start(name, command, url, "/readyz", environment, core, root))
+    return stack.enter_context(second_start(name, command, url, "/readyz", environment, cores, root))
 
 
 def litellm(stack: ExitStack, folder: Path, mock: str, redis: str | None, core: int) -> Peer:
