@@ -7,7 +7,10 @@ from pydantic import BaseModel, ConfigDict, Field
 Metres = Annotated[float, Field(ge=0.0, le=10_000.0)]
 """A length or distance in metres."""
 
-Coordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
+FARTHEST_M = 10_000.0
+"""From the origin, along each axis."""
+
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 """One coordinate in metres, ENU: x east, y north, z up from the ground."""
 
 Radians = Annotated[float, Field(ge=-1_000.0, le=1_000.0)]

@@ -51,7 +51,7 @@ class DepthMap(Wire):
 
     width: int = Field(ge=1, le=4096)
     height: int = Field(ge=1, le=4096)
-    metres_per_unit: float = Field(gt=0.0, le=1.0)
+    metres_per_unit: float = Field(ge=1e-6, le=1.0)
     zstd_base64: str = Field(min_length=4, max_length=64 * 1024 * 1024)
 
 

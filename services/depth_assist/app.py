@@ -1,9 +1,14 @@
 """The endpoints of depth_assist: decode, call `navigation`, encode."""
 
+from collections.abc import Callable
+from typing import TypeVar
+
 import numpy as np
 from fastapi import FastAPI
 from fastapi.responses import Response
+from pydantic import BaseModel, ValidationError
 
+from contracts.base import FARTHEST_M
 from contracts.depth_assist import (
     ApproachAnswer,
     ApproachQuestion,
@@ -22,9 +27,13 @@ from navigation import approach, safe_distance, viewpoint
 from navigation.camera import Place, Pose
 from navigation.target import Box
 from service_kit.app import create_app, json_response
+from service_kit.errors import BadQuestion
 from service_kit.json_route import JsonRoute
 from services.depth_assist.explorer import next_step
 from services.depth_assist.views import ahead, checked, depth_views, front_rows, level, slice_means
+
+Q = TypeVar("Q", bound=BaseModel)
+A = TypeVar("A", bound=BaseModel)
 
 
 def build_app(*, max_body_bytes: int, token: str | None = None) -> FastAPI:
@@ -35,24 +44,38 @@ def build_app(*, max_body_bytes: int, token: str | None = None) -> FastAPI:
     @app.post("/v1/viewpoint", response_model=ViewpointAnswer)
     def viewpoint_(question: ViewpointQuestion) -> Response:
         """Which view to follow next (eq. 4-6)."""
-        return json_response(choose_viewpoint(question))
+        return json_response(_in_the_world(choose_viewpoint, question))
 
     @app.post("/v1/safe-distances", response_model=SafeDistancesAnswer)
     def safe_distances_(question: SafeDistancesQuestion) -> Response:
         """How far one may fly towards each of the five marked points (eq. 7)."""
-        return json_response(measure_safe_distances(question))
+        return json_response(_in_the_world(measure_safe_distances, question))
 
     @app.post("/v1/approach", response_model=ApproachAnswer)
     def approach_(question: ApproachQuestion) -> Response:
         """The way to a stop in front of the thing in the box."""
-        return json_response(plan_approach(question))
+        return json_response(_in_the_world(plan_approach, question))
 
     @app.post("/v1/explore", response_model=ExploreAnswer)
     def explore_(question: ExploreQuestion) -> Response:
         """The contour explorer's next stop; the map goes out with it and comes back with the next question."""
-        return json_response(explore_step(question))
+        return json_response(_in_the_world(explore_step, question))
 
     return app
+
+
+def _in_the_world(answer: Callable[[Q], A], question: Q) -> A:
+    """The answer. Raises BadQuestion where a place in it would lie further out than places on the wire may."""
+    try:
+        return answer(question)
+    except ValidationError as error:
+        if any(one["type"] not in ("less_than_equal", "greater_than_equal") for one in error.errors()):
+            raise
+        raise BadQuestion(
+            f"the answer would lie beyond {FARTHEST_M:,.0f} m from the origin: the pose or what is seen from it is too "
+            "near to that edge; choose an origin near the drone's start",
+            code="out_of_the_world",
+        ) from None
 
 
 def choose_viewpoint(question: ViewpointQuestion) -> ViewpointAnswer:

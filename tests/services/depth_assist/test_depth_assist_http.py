@@ -335,3 +335,29 @@ async def test_a_token_is_asked_for_where_one_is_set() -> None:
         _error(await client.post("/v1/viewpoint", json=body), 401, "unauthorised")
         allowed = await client.post("/v1/viewpoint", json=body, headers={"Authorization": "Bearer secret"})
         assert allowed.status_code == 200
+
+
+@pytest.mark.parametrize("at", [9_999.0, -10_000.0, 10_000.0])
+@pytest.mark.parametrize("yaw", [0.0, 1_000.0, -1_000.0, 1.57])
+def test_a_pose_at_the_edge_of_the_world_is_answered_or_refused_with_what_would_be_right(
+    client: httpx.Client, at: float, yaw: float
+) -> None:
+    pose = Pose(x=at, y=at, z=at, yaw=yaw).model_dump()
+    wall = _view(np.full((64, 64), 15.0)).model_dump()
+    box = {"x_min": 0.4, "y_min": 0.4, "x_max": 0.6, "y_max": 0.6}
+    for route, body in (
+        ("/v1/approach", {"view": wall, "box": box, "pose": pose}),
+        ("/v1/explore", {"views": [wall], "pose": pose}),
+    ):
+        answer = _post(client, route, body)
+        if answer.status_code != 200:
+            _error(answer, 422, answer.json()["error"]["code"])
+    edge = {"view": wall, "box": box, "pose": {"x": 9_999.0, "y": 0.0, "z": 5.0, "yaw": 0.0}}
+    assert "choose an origin near" in _error(_post(client, "/v1/approach", edge), 422, "out_of_the_world")
+
+
+def test_a_unit_of_depth_that_nothing_measures_is_refused(client: httpx.Client) -> None:
+    view = _view(np.full((64, 64), 15.0)).model_dump()
+    for unit in (5e-324, 1e-9, 0.0, 1e308):
+        wrong = view | {"depth": view["depth"] | {"metres_per_unit": unit}}
+        assert "metres_per_unit" in _error(_post(client, "/v1/viewpoint", {"views": [wrong]}), 422, "invalid")
