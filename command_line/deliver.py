@@ -116,7 +116,7 @@ def deliver(
         stop("interrupted before the flight began", INTERRUPTED)
     folder = str(run.record.folder)
     if as_json:
-        told = {"id": run.id, "request": order.request, "scene": order.scene.name, "backend": backend}
+        told = {"id": run.id, "request": order.request, "scene": order.scene_name, "backend": backend}
         typer.echo(json.dumps(told | result.model_dump(mode="json") | {"folder": folder}, ensure_ascii=False))
     else:
         print_result(console, result, folder)

@@ -20,6 +20,7 @@ COMMANDS = {
     "deliver": Listed("deliver", "Fly one delivery and show it live."),
     "serve": Listed("serve", "Run all services as processes of this machine, or one by name, until Ctrl-C."),
     "doctor": Listed("doctor", "Look whether this machine has what is needed, and say what to do where it has not."),
+    "vehicles": Listed("vehicles", "List the vehicles of a running orchestrator's fleet."),
     "recording": Listed("recording", "Put the gateway's recorded answers into one file, or take them out of one."),
     "samples": Listed("samples", "List the deliveries that ship with the project."),
     "tasks": Listed("tasks", "The task set: make fresh ones, look at single tasks, count what is in them."),

@@ -133,10 +133,11 @@ class MissionSettings(Wire):
 
 class DeliveryQuestion(Wire):
     """Bring it there: `request` in the customer's words, in `scene` or at a shipped `sample` (whose own request is
-    used if none is given). `answer_within_s`: how long the customer's answer to a question is waited for; null: as the
-    deployment is set up; 0: nobody is asked. Of the deliveries that wait, the one of the highest `priority` is flown
-    first, of equal ones the oldest; none takes off before its `not_before`, and one that has not ended by its
-    `deadline` ends then, in the air as well."""
+    used if none is given) in a simulator; with neither, a vehicle of the fleet flies where it stands.
+    `answer_within_s`: how long the customer's answer to a question is waited for; null: as the deployment is set up; 0:
+    nobody is asked. Of the deliveries that wait, the one of the highest `priority` is flown first, of equal ones the
+    oldest; none takes off before its `not_before`, and one that has not ended by its `deadline` ends then, in the air
+    as well."""
 
     request: str | None = Field(default=None, min_length=1, max_length=4000)
     scene: Scene | None = None
@@ -228,14 +229,14 @@ class DeliveryResult(Wire):
 class Delivery(Wire):
     """One delivery as it stands. `result` is null until `status` is `done`; `question` is what the customer is asked
     while it is `needs_answer`. `created`, `started` and `ended` are when it was asked for, when it got its vehicle and
-    when it was over, in UTC. `vehicle`: of the fleet, the one that flies or flew it; `flights`: how often it was begun
-    to be flown, more than once where a vehicle was lost."""
+    when it was over, in UTC. `scene`: null where a vehicle flies on its own. `vehicle`: of the fleet, the one that
+    flies or flew it; `flights`: how often it was begun to be flown, more than once where a vehicle was lost."""
 
     id: Name
     status: DeliveryStatus
     phase: Phase
     request: str
-    scene: str
+    scene: str | None
     created: str
     started: str | None = None
     ended: str | None = None

@@ -11,6 +11,7 @@ from fastapi.responses import FileResponse
 from sqlalchemy.exc import DBAPIError
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
+from contracts.fleet import FleetList
 from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
 from orchestrator import sample_library
 from orchestrator.access import EVERYBODY, Access, RoleGuard
@@ -116,6 +117,11 @@ def build_app(
         """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
         path = await deliveries.picture(delivery_id, file)
         return FileResponse(path, headers={"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"})
+
+    @app.get("/v1/vehicles", tags=["fleet"])
+    async def list_vehicles() -> FleetList:
+        """The vehicles of the fleet, by name: what each can do, where it is, and what it flies."""
+        return FleetList(vehicles=await orchestrator.fleet.list())
 
     @app.get("/v1/samples", tags=["deliveries"])
     async def list_samples() -> list[str]:

@@ -12,6 +12,7 @@ from orchestrator.engine import Engine
 from orchestrator.hangar import Hangar
 from orchestrator.keeper import Keeper
 from orchestrator.records import Records
+from orchestrator.roll_call import RollCall
 from orchestrator.store.database import Database
 from orchestrator.store.deliveries import DeliveryStore
 from orchestrator.store.executors import ExecutorStore
@@ -19,6 +20,7 @@ from orchestrator.store.vehicles import VehicleStore
 from orchestrator.turns import Policy, Tools
 from orchestrator.watch import Watch
 
+ASK_VEHICLES_EVERY_S = 5.0
 ADOPT_EVERY_S = 15.0
 LEAVE_WITHIN_S = 3.0
 """How long steps under way have to end by themselves when the process ends."""
@@ -42,14 +44,14 @@ class Orchestrator:
         time between two looks at a queue."""
         executor = f"{os.uname().nodename[:40]}-{os.getpid()}-{uuid.uuid4().hex[:8]}"
         store = DeliveryStore(database.engine)
-        self.vehicles = VehicleStore(database.engine)
+        self._vehicles = VehicleStore(database.engine)
         self._database = database
         self._store = store
         self._records = records
-        self._hangar = hangar
         self._watch = Watch(store)
-        self._carrier = Carrier(Tools(store, self.vehicles, hangar, records, policy), self._watch, executor)
+        self._carrier = Carrier(Tools(store, self._vehicles, hangar, records, policy), self._watch, executor)
         self._engine = Engine(database, executor, self._carrier.carry_on, poll_s)
+        self.fleet = RollCall(hangar, self._vehicles, self._engine)
         self._keeper = Keeper(
             store,
             ExecutorStore(database.engine),
@@ -63,15 +65,13 @@ class Orchestrator:
 
     async def start(self) -> None:
         """Takes up what is there, and what comes."""
-        names = []
-        for vehicle in self._hangar.vehicles:
-            await asyncio.to_thread(self.vehicles.register, vehicle.name, vehicle.kind, vehicle.room)
-            names.append(vehicle.name)
+        await self.fleet.register()
         adopted = partial(asyncio.to_thread, adopt, self._records.runs, self._store)
         await adopted()
-        await self._engine.launch(await asyncio.to_thread(self.vehicles.room, names))
+        await self._engine.launch(await asyncio.to_thread(self._vehicles.room))
         await self._keeper.start()
         self._keeper.every(ADOPT_EVERY_S, adopted)
+        self._keeper.every(ASK_VEHICLES_EVERY_S, self.fleet.call)
 
     async def usable(self) -> str | None:
         """What is wrong with the database; null when all is well."""

@@ -2,12 +2,13 @@
 
 from fastapi import FastAPI
 
+from contracts.fleet import FleetMember
 from mission.clients import Services
 from orchestrator.access import Access, signing_key
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
 from orchestrator.deliveries import Bounds
-from orchestrator.hangar import OneSimulator
+from orchestrator.fleet import Fleet, read_fleet
 from orchestrator.records import Records
 from orchestrator.settings import OrchestratorSettings
 from orchestrator.store.database import Database
@@ -18,10 +19,12 @@ from service_kit.settings import revealed
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     """The app as the settings want it. Raises BadSetting."""
     services = Services(settings.addresses, settings.tokens)
+    members = read_fleet(settings.fleet) if settings.fleet is not None else _one_simulator(settings)
+    fleet = Fleet(services, members, settings.tokens.sim)
     database = Database(revealed(settings.database_url) or f"sqlite:///{settings.runs_dir / 'deliveries.sqlite'}")
     orchestrator = Orchestrator(
         database,
-        OneSimulator(services.simulated, settings.max_live_deliveries),
+        fleet,
         Records(settings.runs_dir),
         Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights, settings.flight_limits),
         Bounds(waiting=settings.max_waiting_deliveries),
@@ -34,4 +37,9 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         settings.session_hours * 3600,
     )
     checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
-    return build_app(orchestrator, checks=checks, access=access, on_close=services.close)
+    return build_app(orchestrator, checks=checks, access=access, on_close=fleet.close)
+
+
+def _one_simulator(settings: OrchestratorSettings) -> tuple[FleetMember, ...]:
+    room = settings.max_live_deliveries
+    return (FleetMember(name="simulator", kind="simulator", address=settings.sim_url, room=room),)

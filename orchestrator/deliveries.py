@@ -54,6 +54,7 @@ class Deliveries:
         self._hangar = hangar
         self._records = records
         self._bounds = bounds or Bounds()
+        self._kinds = {member.kind for member in hangar.members}
         self._waiting = 0
         self._counted = 0.0
 
@@ -64,9 +65,11 @@ class Deliveries:
         if key is not None and (known := await asyncio.to_thread(self._store.of_key, key)) is not None:
             return self._same(known, asked)
         try:
-            order = Order(question)
+            order = Order(question, own_vehicles="vehicle" in self._kinds)
         except BadDelivery as error:
             raise BadQuestion(str(error)) from None
+        if order.flown_by not in self._kinds:
+            raise BadQuestion("scene: no simulator is part of the fleet; leave scene and sample out")
         if question.deadline is not None and question.deadline.timestamp() <= time.time():
             raise BadQuestion("deadline: it has passed; give a time to come", code="deadline_passed")
         await self._check(order)
@@ -193,7 +196,7 @@ def _new(question: DeliveryQuestion, asked: str, order: Order, key: str | None) 
         "id": new_id(),
         "question": asked,
         "request": order.request,
-        "scene": order.scene.name,
+        "scene": order.scene_name,
         "idempotency_key": key,
         "priority": question.priority,
         "not_before": None if question.not_before is None else question.not_before.timestamp(),

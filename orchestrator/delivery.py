@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from contracts.events import Event
+from contracts.fleet import VehicleKind
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.scene import Scene
 from mission.clients import Simulated
@@ -34,9 +35,11 @@ class BadDelivery(ValueError):
 class Order:
     """A delivery that is sound: the request, the scene, the settings with the back end filled in."""
 
-    def __init__(self, question: DeliveryQuestion) -> None:
-        """Raises BadDelivery for a question without scene or request, an unknown sample, or two models."""
-        if (question.scene is None) == (question.sample is None):
+    def __init__(self, question: DeliveryQuestion, *, own_vehicles: bool = False) -> None:
+        """`own_vehicles`: there are such that need no scene. Raises BadDelivery for a question without scene or
+        request, an unknown sample, or two models."""
+        given = (question.scene is not None) + (question.sample is not None)
+        if given == 2 or (given == 0 and not own_vehicles):
             raise BadDelivery("give either a scene or the name of a sample")
         request, scene = question.request, question.scene
         if question.sample is not None:
@@ -45,10 +48,10 @@ class Order:
             except ValueError as error:
                 raise BadDelivery(str(error)) from None
             request, scene = request or sample.request, sample.scene
-        if scene is None or request is None or not request.strip():
+        if request is None or not request.strip():
             raise BadDelivery("say in `request` what is to be brought where")
         self.request: str = request
-        self.scene: Scene = scene
+        self.scene: Scene | None = scene
         try:
             self.settings: MissionSettings = completed(question.settings)
         except (BadSearch, BadExtension) as error:
@@ -62,6 +65,15 @@ class Order:
             update={"request": request, "scene": scene, "settings": self.settings},
         )
 
+    @property
+    def scene_name(self) -> str | None:
+        return None if self.scene is None else self.scene.name
+
+    @property
+    def flown_by(self) -> VehicleKind:
+        """The kind of vehicle that flies it."""
+        return "vehicle" if self.scene is None else "simulator"
+
     @classmethod
     def recorded(cls, folder: Path) -> Self:
         """The order of a record. Raises OSError, BadRecord or BadDelivery where the folder holds none."""
@@ -69,7 +81,9 @@ class Order:
         return cls(question.model_copy(update={"sample": None}) if question.scene is not None else question)
 
     def placed(self, trial: Trial) -> InTrial:
-        """The scene as a trial of that simulator."""
+        """The scene as a trial of that simulator. Raises BadDelivery where there is none."""
+        if self.scene is None:
+            raise BadDelivery("a simulator needs a scene")
         return InTrial(trial, trial_question(self.scene, self.settings))
 
 
@@ -87,7 +101,7 @@ class Run:
             status="waiting",
             phase="parse",
             request=order.request,
-            scene=order.scene.name,
+            scene=order.scene_name,
             created=now(),
             folder=str(runs / name),
         )

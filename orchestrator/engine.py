@@ -6,10 +6,11 @@ and not recorded is, when it is done again, the next one.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 
 from dbos import DBOS, DBOSConfig, EnqueueOptions
 
+from contracts.fleet import VehicleKind
 from contracts.orchestrator import MAX_PRIORITY
 from orchestrator.store.database import Database
 from orchestrator.store.deliveries import StoredDelivery
@@ -21,6 +22,11 @@ TURN = "turn"
 WORKFLOWS_VERSION = "1"
 """Of the workflows' form: a delivery queued by a program of the same version is carried on after an upgrade."""
 BATCH = 200
+FIRST_AGE = 1_767_225_600.0
+"""2026-01-01 in seconds since 1970."""
+AGE_STEP_S = 4.0
+AGES = 200_000_000
+"""25 years of them, for each priority; the engine's numbers end at 2**31 - 1."""
 REQUESTS_AT_A_TIME = 8
 """Requests that one process reads at a time."""
 
@@ -34,12 +40,12 @@ class Engine:
         self._executor = executor
         self._carry_on = carry_on
         self._poll_s = poll_s
-        self._room = 0
+        self._room: dict[VehicleKind, int] = {}
         self._running = False
 
-    async def launch(self, room: int) -> None:
-        """Begins to work off the queues; `room`: deliveries that may fly at a time, over all processes. Workflows run
-        in the calling event loop."""
+    async def launch(self, room: Mapping[VehicleKind, int]) -> None:
+        """Begins to work off the queues; `room`: deliveries that each kind of vehicle may fly at a time, over all
+        processes. Workflows run in the calling event loop."""
         carry_on = self._carry_on
         config: DBOSConfig = {
             "name": "logisticsvln",
@@ -65,18 +71,18 @@ class Engine:
 
         DBOS.launch()
         self._running = True
-        self._room = room
         await DBOS.register_queue_async(
             "request", worker_concurrency=REQUESTS_AT_A_TIME, polling_interval_sec=self._poll_s
         )
-        await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=self._poll_s)
         await DBOS.register_queue_async("prompt", polling_interval_sec=self._poll_s)
+        await self.set_room(room)
 
-    async def set_room(self, room: int) -> None:
-        """From now on so many may fly at a time."""
-        if room != self._room:
-            self._room = room
-            await DBOS.register_queue_async("fleet", global_concurrency=max(1, room), polling_interval_sec=self._poll_s)
+    async def set_room(self, room: Mapping[VehicleKind, int]) -> None:
+        """From now on each kind of vehicle may fly so many at a time."""
+        for kind, number in room.items():
+            if self._room.get(kind) != number:
+                self._room[kind] = number
+                await DBOS.register_queue_async(kind, global_concurrency=number, polling_interval_sec=self._poll_s)
 
     async def queue(self, turns: Sequence[StoredDelivery]) -> None:
         """The due turns of these deliveries; one that is queued already is not queued again."""
@@ -89,8 +95,7 @@ class Engine:
                 "queue_name": stored.lane,
                 "workflow_id": workflow_id(stored.id, stored.turn),
                 "app_version": WORKFLOWS_VERSION,
-                # the engine's 1 goes first
-                "priority": 1 + MAX_PRIORITY - stored.priority,
+                "priority": rank(stored.priority, stored.created),
             }
             DBOS.enqueue_workflow_with_options(options, stored.id, stored.turn)
 
@@ -119,6 +124,13 @@ class Engine:
         if self._running:
             self._running = False
             await asyncio.to_thread(DBOS.destroy, destroy_registry=True, workflow_completion_timeout_sec=0)
+
+
+def rank(priority: int, created: float) -> int:
+    """The engine's priority, of which the lowest goes first: by the delivery's own, then by its age, however often it
+    was queued. Of ages the engine's numbers tell steps of `AGE_STEP_S` apart."""
+    age = min(max(0, int((created - FIRST_AGE) // AGE_STEP_S)), AGES - 1)
+    return 1 + (MAX_PRIORITY - priority) * AGES + age
 
 
 def workflow_id(delivery: str, turn: int) -> str:

@@ -1,14 +1,14 @@
 """What a delivery is flown with, for each vehicle of the fleet: the services that a mission asks, and the placement."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-from mission.clients import Simulated
+from contracts.fleet import VehicleKind
+from contracts.vehicle import VehicleCapabilities, VehicleState
 from mission.placement import Placement
 from mission.ports import Ports
 from orchestrator.delivery import Order
-from orchestrator.store.vehicles import Kind
 
 
 class FlownWith(NamedTuple):
@@ -19,39 +19,33 @@ class FlownWith(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FleetVehicle:
+class Member:
     """A vehicle of the fleet: a simulator with `room` for so many drones, or one drone."""
 
     name: str
-    kind: Kind
+    kind: VehicleKind
     room: int = 1
+
+
+@dataclass(frozen=True)
+class SignOfLife:
+    """What a vehicle says when it is asked how it fares: why it can't fly, and what it tells of itself."""
+
+    problem: str | None = None
+    state: VehicleState | None = None
+    capabilities: VehicleCapabilities | None = None
 
 
 class Hangar(Protocol):
     """Where missions get their services and vehicles from."""
 
     @property
-    def vehicles(self) -> Sequence[FleetVehicle]: ...
+    def members(self) -> Sequence[Member]: ...
 
-    def kind_for(self, order: Order) -> Kind:
-        """Which kind of vehicle flies such a delivery."""
+    async def ask(self, name: str) -> SignOfLife:
+        """How that vehicle fares."""
         ...
 
     def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
         """For a mission with that vehicle of the fleet, or for one that stands on the ground and has none yet."""
         ...
-
-
-class OneSimulator:
-    """A fleet of one simulator; `services` are made anew for every mission."""
-
-    def __init__(self, services: Callable[[], Simulated], room: int) -> None:
-        self._services = services
-        self.vehicles = (FleetVehicle("simulator", "simulator", room),)
-
-    def kind_for(self, order: Order) -> Kind:
-        return "simulator"
-
-    def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
-        services = self._services()
-        return FlownWith(services.ports, order.placed(services.trial))

@@ -35,8 +35,15 @@ class OrchestratorSettings(Connections, ServiceSettings):
         description="Where deliveries are kept: `postgresql://user:password@host/name` for several orchestrators; "
         "without it an SQLite file in `RUNS_DIR`, for one.",
     )
+    fleet: Path | None = Field(
+        None,
+        description="A TOML file that names the vehicles which fly; without it the simulator at `SIM_URL` does.",
+    )
     max_live_deliveries: int = Field(
-        2, ge=1, le=64, description="Deliveries that fly at a time in the simulator; the others wait."
+        2,
+        ge=1,
+        le=64,
+        description="Deliveries that fly at a time in that simulator, where no `FLEET` says; the others wait.",
     )
     max_waiting_deliveries: int = Field(
         100_000, ge=1, le=10_000_000, description="Deliveries that may wait; further ones are refused."

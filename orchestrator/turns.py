@@ -69,7 +69,7 @@ class Turn:
         self._stored = stored
         self._tools = tools
         self._version = stored.version
-        self._order = Order(DeliveryQuestion.model_validate_json(stored.question))
+        self._order = Order(DeliveryQuestion.model_validate_json(stored.question), own_vehicles=True)
         self._state = _unpacked(stored.state) or begin(self._order.request, stored.id)
         self._vehicle = stored.vehicle
         self._flights = stored.flights
@@ -122,14 +122,14 @@ class Turn:
             return False
         stage = self._state.stage
         if self._on_the_ground and isinstance(stage, PlaceDrone):
-            await self._park(Following("fleet", max(time.time(), self._stored.not_before or 0.0)))
+            await self._park(Following(self._order.flown_by, max(time.time(), self._stored.not_before or 0.0)))
             return False
         if isinstance(stage, NeedsAnswer) and self._on_the_ground and not await self._answered(stage):
             answer_by = stage.question.answer_by.timestamp()
             await self._park(Following("request", answer_by, question=len(self._state.exchanges) + 1))
             return False
         if not self._on_the_ground and self._vehicle is None and not await self._board():
-            await self._park(Following("fleet", time.time() + NO_VEHICLE_S))
+            await self._park(Following(self._order.flown_by, time.time() + NO_VEHICLE_S))
             return False
         state = await self._advanced()
         if self._contact.lost is not None and isinstance(state.stage, Ended) and state.stage.outcome in BROKEN_OFF:
@@ -140,7 +140,7 @@ class Turn:
 
     @property
     def _on_the_ground(self) -> bool:
-        return self._stored.lane != "fleet" and self._vehicle is None
+        return self._stored.lane in ("request", "prompt") and self._vehicle is None
 
     async def _advanced(self) -> MissionState:
         """The next state. A service that does not answer is asked again for a while, and the step done again."""
@@ -182,7 +182,7 @@ class Turn:
     async def _board(self) -> bool:
         """Gets a vehicle of the fleet; false where none is free."""
         taken = await asyncio.to_thread(
-            self._tools.vehicles.board, self._stored.id, self._version, self._tools.hangar.kind_for(self._order)
+            self._tools.vehicles.board, self._stored.id, self._version, self._order.flown_by
         )
         if taken is None:
             return False
@@ -206,7 +206,7 @@ class Turn:
         self._log.write(number, "place", f"the vehicle {name} was lost: {why}; another one flies it again", NoData())
         self._state = _from_the_start(self._state, f"{self._stored.id}-{self._flights + 1}", number)
         self._vehicle = None
-        await self._park(Following("fleet", time.time()))
+        await self._park(Following(self._order.flown_by, time.time()))
         return False
 
     async def _park(self, following: Following) -> None:

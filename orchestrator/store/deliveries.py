@@ -17,10 +17,10 @@ from sqlalchemy.exc import IntegrityError
 from contracts.orchestrator import DeliveryStatus, Phase
 from orchestrator.store.tables import deliveries, events
 
-Lane = Literal["request", "fleet", "prompt"]
-"""The queues: requests to be read, deliveries to be flown, and those that only have to be ended."""
+Lane = Literal["request", "simulator", "vehicle", "prompt"]
+"""The queues: requests to be read, deliveries to be flown by each kind of vehicle, and those that only have to be
+ended."""
 Ending = Literal["cancelled", "deadline_passed"]
-LANES: tuple[Lane, ...] = ("request", "fleet", "prompt")
 
 
 class Superseded(Exception):
@@ -34,7 +34,7 @@ class StoredDelivery:
     id: str
     question: str
     request: str
-    scene: str
+    scene: str | None
     idempotency_key: str | None
     priority: int
     not_before: float | None

@@ -16,7 +16,7 @@ deliveries = sa.Table(
     sa.Column("id", sa.String(80), primary_key=True),
     sa.Column("question", sa.Text, nullable=False),
     sa.Column("request", sa.Text, nullable=False),
-    sa.Column("scene", sa.Text, nullable=False),
+    sa.Column("scene", sa.Text),
     sa.Column("idempotency_key", sa.String(200), unique=True),
     sa.Column("priority", sa.Integer, nullable=False),
     sa.Column("not_before", sa.Float(53)),
@@ -71,6 +71,7 @@ vehicles = sa.Table(
     sa.Column("seen", sa.Float(53)),
     sa.Column("problem", sa.Text),
     sa.Column("state", sa.Text),
+    sa.Column("capabilities", sa.Text),
 )
 
 executors = sa.Table(

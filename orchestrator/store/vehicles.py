@@ -1,30 +1,31 @@
 """The fleet in the database: which vehicles there are, which of them are lost, and who flies what."""
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import sqlalchemy as sa
 
+from contracts.fleet import VehicleKind
 from orchestrator.store.deliveries import Superseded
 from orchestrator.store.tables import deliveries, vehicles
-
-Kind = Literal["simulator", "vehicle"]
-"""A simulator makes a drone for each delivery; a vehicle is one."""
 
 _IN_THE_AIR = (deliveries.c.vehicle == vehicles.c.name, deliveries.c.status.in_(("flying", "needs_answer")))
 
 
 @dataclass(frozen=True)
 class StoredVehicle:
-    """A row of `vehicles`; `flying`: the deliveries that it flies. `state`: as it told itself, JSON."""
+    """A row of `vehicles`; `flying`: the deliveries that it flies. `state` and
+    `capabilities`: as it told them itself, JSON."""
 
     name: str
-    kind: Kind
+    kind: VehicleKind
     room: int
     seen: float | None
     problem: str | None
     state: str | None
+    capabilities: str | None
     flying: tuple[str, ...] = ()
 
 
@@ -34,7 +35,7 @@ class VehicleStore:
     def __init__(self, engine: sa.Engine) -> None:
         self._engine = engine
 
-    def register(self, name: str, kind: Kind, room: int) -> None:
+    def register(self, name: str, kind: VehicleKind, room: int) -> None:
         """Makes it known; what is known of it otherwise stays."""
         with self._engine.begin() as c:
             changed = c.execute(vehicles.update().where(vehicles.c.name == name).values(kind=kind, room=room))
@@ -50,13 +51,21 @@ class VehicleStore:
             rows = c.execute(sa.select(vehicles).order_by(vehicles.c.name)).all()
         return [StoredVehicle(**row._mapping, flying=tuple(flying.get(row.name, ()))) for row in rows]
 
-    def room(self, names: list[str]) -> int:
-        """How many deliveries may fly at a time with those of these vehicles that are not lost."""
+    def room(self) -> dict[VehicleKind, int]:
+        """How many deliveries each kind of vehicle may fly at a time: of those that are not lost."""
+        found: dict[VehicleKind, int] = {"simulator": 0, "vehicle": 0}
         with self._engine.connect() as c:
-            ready = (vehicles.c.problem.is_(None), vehicles.c.name.in_(names))
-            return c.execute(sa.select(sa.func.sum(vehicles.c.room)).where(*ready)).scalar() or 0
+            ready = vehicles.c.problem.is_(None)
+            by_kind = sa.select(vehicles.c.kind, sa.func.sum(vehicles.c.room)).where(ready).group_by(vehicles.c.kind)
+            found.update({row[0]: int(row[1]) for row in c.execute(by_kind)})
+        return found
 
-    def board(self, delivery: str, version: int, kind: Kind) -> str | None:
+    def forget(self, names: Sequence[str]) -> None:
+        """Those that are none of these are no part of the fleet any more."""
+        with self._engine.begin() as c:
+            c.execute(vehicles.delete().where(vehicles.c.name.not_in(names)))
+
+    def board(self, delivery: str, version: int, kind: VehicleKind) -> str | None:
         """A free vehicle of that kind for the delivery, the one with the most room left; null where none is free. The
         delivery's version goes up by one. Raises Superseded."""
         with self._engine.begin() as c:
@@ -81,7 +90,7 @@ class VehicleStore:
                 raise Superseded(delivery)
             return name
 
-    def _with_room(self, c: sa.Connection, kind: Kind) -> list[str]:
+    def _with_room(self, c: sa.Connection, kind: VehicleKind) -> list[str]:
         """Names, most room first. PostgreSQL locks the fleet for the transaction, SQLite has one writer at a time."""
         if c.dialect.name == "postgresql":
             c.execute(sa.select(vehicles.c.name).where(vehicles.c.kind == kind).with_for_update())
@@ -96,8 +105,8 @@ class VehicleStore:
         with self._engine.begin() as c:
             c.execute(vehicles.update().where(vehicles.c.name == name).values(problem=problem))
 
-    def mark_ready(self, name: str, state: str | None = None) -> None:
-        """It answers, with its state where it has one."""
+    def mark_ready(self, name: str, state: str | None = None, capabilities: str | None = None) -> None:
+        """It answers, with what it tells of itself."""
+        told = {"problem": None, "seen": time.time(), "state": state, "capabilities": capabilities}
         with self._engine.begin() as c:
-            told = {} if state is None else {"state": state}
-            c.execute(vehicles.update().where(vehicles.c.name == name).values(problem=None, seen=time.time(), **told))
+            c.execute(vehicles.update().where(vehicles.c.name == name).values(**told))

@@ -27,7 +27,7 @@ from contracts.vehicle import (
     VehicleCapabilities,
     VehicleState,
 )
-from mission.ports import ServiceRefused
+from mission.ports import ServiceRefused, ServiceUnreachable
 from mission.vehicle import Progress
 from tests.mission.block import RADIUS_M, SIZE, Block
 
@@ -35,6 +35,8 @@ SPEED_M_S = 4.0
 STEP_M = 0.1
 ENDURANCE_S = 1500.0
 Place = tuple[float, float, float]
+Away = Callable[[], bool]
+"""Does nobody answer now?"""
 
 
 class Leg(NamedTuple):
@@ -51,9 +53,18 @@ class BlockVehicle:
     """Flies at `SPEED_M_S`; `pace`: seconds of wall time for a second of flight; `slow_s`: slept at every look."""
 
     def __init__(
-        self, block: Block, name: str, rig: Rig, *, pace: float = 0.0, slow_s: float = 0.0, size: int = SIZE
+        self,
+        block: Block,
+        name: str,
+        rig: Rig,
+        *,
+        pace: float = 0.0,
+        slow_s: float = 0.0,
+        size: int = SIZE,
+        away: Away = lambda: False,
     ) -> None:
         self.block = block
+        self._away = away
         self.looks = 0
         self.holds = 0
         self.released = False
@@ -259,6 +270,8 @@ class BlockVehicle:
         return ServiceRefused(f"block world: {message}", code="conflict", status=409)
 
     def _there(self) -> None:
+        if self._away():
+            raise ServiceUnreachable("block world: nobody answers")
         if self.released:
             raise ServiceRefused(f"block world: there is no vehicle {self.name}", code="not_found", status=404)
 
@@ -267,7 +280,7 @@ class BlockVehicle:
 class BlockWorld:
     """A block as a Trial: begins drones and judges their claims by the block's thing. `boarded`: begun or resumed last.
     `ended`: the drones released, in the order in which they were begun; `begun_at`: when the last
-    one was, in seconds since 1970."""
+    one was, in seconds since 1970. `away`: nobody answers."""
 
     block: Block = field(default_factory=Block)
     pace: float = 0.0
@@ -276,6 +289,7 @@ class BlockWorld:
     verdicts: dict[str, Verdict] = field(default_factory=dict)
     boarded: str = ""
     begun_at: float = 0.0
+    away: bool = False
     _by_key: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -299,10 +313,14 @@ class BlockWorld:
         if key not in self._by_key:
             name = self._by_key[key] = f"e{len(self.vehicles) + 1}"
             self.begun_at = time.time()
-            self.vehicles[name] = BlockVehicle(self.block, name, question.rig, pace=self.pace, slow_s=self.slow_s)
+            self.vehicles[name] = BlockVehicle(
+                self.block, name, question.rig, pace=self.pace, slow_s=self.slow_s, away=lambda: self.away
+            )
         return await self.resume(self._by_key[key])
 
     async def resume(self, vehicle: str) -> BlockVehicle:
+        if self.away:
+            raise ServiceUnreachable("block world: nobody answers")
         found = self.vehicles.get(vehicle)
         if found is None or found.released:
             raise ServiceRefused(f"sim: there is no episode {vehicle}", code="not_found", status=404)

@@ -2,17 +2,18 @@
 
 import threading
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import httpx
 import uvicorn
 
-from mission.clients import Simulated
 from orchestrator.access import EVERYBODY, Access
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
 from orchestrator.deliveries import Bounds
-from orchestrator.hangar import OneSimulator
+from orchestrator.delivery import Order
+from orchestrator.hangar import FlownWith, Hangar, Member, SignOfLife
 from orchestrator.records import Records
 from orchestrator.store.database import Database
 from orchestrator.turns import Policy
@@ -20,6 +21,22 @@ from service_kit.run import server_config
 from tests.conftest import free_port
 from tests.mission.block_vehicle import BlockWorld
 from tests.mission.box_world import BlockVision, block_ports
+
+
+class BlockSimulators:
+    """A fleet of block worlds by name, each with room for so many drones."""
+
+    def __init__(self, room: int, worlds: Mapping[str, BlockWorld], vision: BlockVision | None = None) -> None:
+        self._worlds = worlds
+        self._vision = vision
+        self.members = [Member(name, "simulator", room) for name in worlds]
+
+    async def ask(self, name: str) -> SignOfLife:
+        return SignOfLife("block world: nobody answers" if self._worlds[name].away else None)
+
+    def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
+        world = self._worlds[vehicle or self.members[0].name]
+        return FlownWith(block_ports(world, self._vision), order.placed(world))
 
 
 class Door:
@@ -37,12 +54,14 @@ class Door:
         patience_s: float = 600.0,
         service_within_s: float = 0.0,
         database: str | None = None,
+        hangar: Hangar | None = None,
+        flights: int = 3,
     ) -> None:
         orchestrator = Orchestrator(
             Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
-            OneSimulator(lambda: Simulated(block_ports(world, vision), world), max_live),
+            hangar or BlockSimulators(max_live, {"simulator": world}, vision),
             Records(runs),
-            Policy(patience_s, service_within_s, flights=2),
+            Policy(patience_s, service_within_s, flights),
             Bounds(waiting=max_waiting),
             poll_s=0.05,
         )

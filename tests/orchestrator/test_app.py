@@ -75,6 +75,13 @@ def until(client: httpx.Client, name: str, status: str) -> Delivery:
         time.sleep(0.02)
 
 
+def read(client: httpx.Client, name: str) -> None:
+    """Returns once the request has been read and the delivery stands in the queue for a vehicle."""
+    with client.stream("GET", f"/v1/deliveries/{name}/events") as answer:
+        next(line for line in answer.iter_lines() if '"kind":"parsed"' in line)
+    time.sleep(1.0)
+
+
 def finished(client: httpx.Client, name: str) -> Delivery:
     events_of(client, name)
     return Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
@@ -201,6 +208,8 @@ def test_of_those_that_wait_the_one_of_the_highest_priority_is_flown_first(door)
     flying = client.post("/v1/deliveries", json=order(world)).json()["id"]
     until(client, flying, "flying")
     usual, urgent = (client.post("/v1/deliveries", json=order(world, priority=p)).json()["id"] for p in (0, 9))
+    for name in (usual, urgent):
+        read(client, name)
     client.delete(f"/v1/deliveries/{flying}")
     assert finished(client, urgent).ended <= finished(client, usual).started
 

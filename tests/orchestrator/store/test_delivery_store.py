@@ -154,7 +154,7 @@ def test_a_delivery_boards_a_free_vehicle_of_its_kind_the_one_with_most_room(dat
     free = store.get("d")
     assert free is not None
     assert vehicles.board("d", free.version, "simulator") is None, "the vehicle with room is lost"
-    assert vehicles.room(["small", "large", "hexa"]) == 2
+    assert vehicles.room() == {"simulator": 1, "vehicle": 1}
     vehicles.mark_ready("large")
     assert vehicles.board("d", free.version, "simulator") == "large"
     assert {v.name: v.flying for v in vehicles.all()}["hexa"] == ()
