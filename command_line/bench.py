@@ -29,7 +29,7 @@ from command_line.bench_summary import print_summary
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
 from command_line.labelled_requests import score_requests
 from command_line.mission_options import SEED_HIGH, mission_settings
-from command_line.preflight import stop_without_model
+from command_line.preflight import stop_without_models
 from command_line.subtask import ask_alone
 from contracts.cameras import DEFAULT_RIG
 from evaluation.bench.folder import BadFolder, RunFolder
@@ -129,6 +129,7 @@ def bench(
             stop("--requests is for --subtask parse, and takes the place of a task set", WRONG_INPUT)
         kept = gateway_settings(cache or ("on" if recording else "off"), recording, {})
         cores = one_core_each(process_environment())
+        stop_without_models(kept, parsing=None if parser is None else model_name("parser", parser))
         score_requests(requests, parser, workers or 1, cores, kept, console, out, as_json=as_json)
         return
     try:
@@ -153,7 +154,7 @@ def bench(
     disturbed = noise if backend == "oracle" else {}
     mode = cache or ("on" if recording or backend not in ("embedded", "oracle") else "off")
     gateway = gateway_settings(mode, recording, disturbed)
-    stop_without_model(backend, gateway)
+    stop_without_models(gateway, seeing=backend, parsing=mission.parser_model)
     try:
         chosen = without_objects(task_set()) if absent else task_set()
         flown = spread(chosen, min(limit or len(chosen.tasks), len(chosen.tasks)))

@@ -151,7 +151,7 @@ async def _deliver(
             own = Processes(ports, logs, environment=process_environment(), extra=extra)
             at = (await stack.enter_async_context(own)).addresses
         clients = await stack.enter_async_context(Services(at, connections.tokens, patience_s))
-        await check_flight(clients, backend)
+        await check_flight(clients, backend, order.settings.parser_model)
         run = Run(order, out, listener=view.show)
         asked = TerminalCustomer(console, view) if terminal and sys.stdin.isatty() else None
         customer = AnsweredBeforehand(answers, asked) if answers or asked else None

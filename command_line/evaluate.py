@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
-from command_line.preflight import stop_without_model
+from command_line.preflight import stop_without_models
 from contracts.orchestrator import SightingSettings
 from contracts.sim import Catalogue
 from evaluation.bench.folder import BadFolder
@@ -73,7 +73,7 @@ def evaluate(
             known = read_cases(folder)
             cases = {seed: known[seed] for seed in sorted({a.seed for a in given.sought})}
         else:
-            stop_without_model(backend, UNCACHED)
+            stop_without_models(UNCACHED, seeing=backend)
             cases = _cases(seeds, folder, console)
             given, about = asyncio.run(_asked(list(cases.values()), folder, backend, console))
         scores = score(cases, given, settings)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from contracts.events import Event, read_event
 from contracts.orchestrator import Delivery, DeliveryQuestion
-from contracts.vlm_gateway import PreflightQuestion
-from mission.ports import PortError, ServiceRefused, UnknownModel
+from mission.model_check import WrongModel, check_models
+from mission.ports import PortError
 from mission.record import DELIVERY_ID, PICTURE_NAME, new_id
 from orchestrator.delivery import BadDelivery, Order
 from orchestrator.hangar import Hangar
@@ -103,20 +103,17 @@ class Deliveries:
             )
 
     async def _check(self, order: Order) -> None:
-        """Raises BadQuestion where the order names a model that there is not, or that takes no pictures. A gateway that
-        does not answer is found by the mission itself, whose result says so."""
-        if order.settings.vision_model is None:
+        """Raises BadQuestion where the order names a model that there is not, one that takes no pictures, or a parser
+        that reads no requests. A gateway that does not answer is found by the mission itself, whose result says so."""
+        seeing, parsing = order.settings.vision_model, order.settings.parser_model
+        if seeing is None and parsing is None:
             return
-        question = PreflightQuestion(model=order.settings.vision_model)
         with contextlib.suppress(PortError, TimeoutError):
             try:
                 vision = self._hangar.flown_with(None, order).ports.vision
-                await asyncio.wait_for(vision.preflight(question), PREFLIGHT_S)
-            except UnknownModel as error:
-                raise BadQuestion(str(error), code="unknown_model") from None
-            except ServiceRefused as error:
-                if error.status == 422:
-                    raise BadQuestion(str(error)) from None
+                await asyncio.wait_for(check_models(vision, seeing, parsing), PREFLIGHT_S)
+            except WrongModel as error:
+                raise BadQuestion(str(error), code=error.code) from None
 
     async def answer(self, name: str, text: str) -> Delivery:
         """The customer's answer to the question of a delivery that waits for it. Raises NotFound, Conflict (nothing is

@@ -14,6 +14,8 @@ from mission.policies.points import POINTS_POLICIES, PaperPolicy
 from mission.wording import counted
 
 SCORE_HEADS = ("SR (%) ↑", "SPL (%) ↑", "Average Steps ↓")
+INFRASTRUCTURE = "Infrastructure failures"
+"""A column of ours alone: the tasks at which a model or a service was out of reach, which are in no rate."""
 
 
 class Row(NamedTuple):
@@ -174,9 +176,14 @@ def _our_scores(first: str, rows: Sequence[Row]) -> Html:
                 _rate(summary.success, f"p {p_value(test.success_p)}" if test is not None else ""),
                 spl,
                 _number(number(summary.average_steps), counted(summary.success.k, "success", "successes")),
+                _infrastructure(row.run),
             ]
         )
-    return _table((first, *SCORE_HEADS), cells)
+    return _table((first, *SCORE_HEADS, INFRASTRUCTURE), cells)
+
+
+def _infrastructure(run: Run) -> Html:
+    return _number(str(run.summary.infrastructure), f"of {counted(run.summary.tasks, 'task')}")
 
 
 def _test(row: Row) -> Comparison | None:
@@ -204,10 +211,11 @@ def _our_floors(runs: Sequence[Run]) -> Html:
             text(run.model),
             text(methods[run.arm.floors]),
             _rate(run.summary.floor_fail, f"7 m · ½ floor: {percent(run.summary.floor_fail_half_floor.rate)}"),
+            _infrastructure(run),
         ]
         for at, run in enumerate(fitting)
     ]
-    return _table(("ID", "Model", "FL method", "FL fail rate (%) ↓"), cells)
+    return _table(("ID", "Model", "FL method", "FL fail rate (%) ↓", INFRASTRUCTURE), cells)
 
 
 def _paper_recognition() -> Html:
@@ -218,8 +226,8 @@ def _our_recognition(runs: Sequence[Run]) -> Html:
     if not runs:
         return _none("no run with the paper's policy is part of this report")
     return _table(
-        ("Model", "OR fail rate (%) ↓"),
-        [[text(run.model), _rate(run.summary.recognition_fail)] for run in runs],
+        ("Model", "OR fail rate (%) ↓", INFRASTRUCTURE),
+        [[text(run.model), _rate(run.summary.recognition_fail), _infrastructure(run)] for run in runs],
     )
 
 

@@ -108,6 +108,8 @@ class Gateway:
         if alias is None or alias not in self.backends:
             known = ", ".join(sorted(self.backends))
             what = f"no model {named!r}" if named else f"no model is configured for the role {role!r}"
+            if named == "oracle":
+                what += " (ORACLE_SIM_URL and the simulator's SIM_TRUTH=on switch it on: `logisticsvln serve --oracle`)"
             raise BadQuestion(
                 f"{what}; there are {known}", code="unknown_model", details={"models": sorted(self.backends)}
             )

@@ -35,6 +35,17 @@ def test_a_model_that_there_is_not_is_refused_before_the_first_question(
 
 
 @pytest.mark.parametrize(
+    ("parser", "said"), [("qwen", "no model 'qwen'; there are embedded"), ("embedded", "reads no requests")]
+)
+def test_a_parser_that_there_is_not_is_refused_before_the_first_flight(parser: str, said: str, tmp_path: Path) -> None:
+    result = runner.invoke(app, ["bench", "--limit", "2", "--parser", parser, "--out", str(tmp_path / "run")])
+    assert result.exit_code == 2, result.output
+    assert said in result.stderr
+    assert "a parser is 'reader', or a chat model of the gateway's configuration" in result.stderr
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
     ("arguments", "why"),
     [
         (("--tasks", "nowhere"), "no task set"),

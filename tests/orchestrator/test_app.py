@@ -132,6 +132,16 @@ def test_a_setting_that_would_have_no_effect_is_refused(door, runs: Path, settin
     assert not list(runs.glob("2*"))
 
 
+def test_a_parser_that_there_is_not_is_refused_before_anything_is_flown(door, runs: Path) -> None:
+    world = BlockWorld(BEHIND)
+    unknown = UnknownModel("vlm_gateway: no model 'qwen'; there are embedded")
+    client = door(world, vision=BlockVision(world, {"preflight": [unknown, None]}))
+    for name, said in (("qwen", "there are embedded; a parser is 'reader', or a chat model"), ("eyes", "reads no")):
+        refused = client.post("/v1/deliveries", json=order(world, settings={"parser_model": name}))
+        assert (refused.status_code, refused.json()["error"]["code"]) == (422, "unknown_model")
+        assert said in refused.json()["error"]["message"]
+
+
 def test_two_names_for_the_vision_model_that_differ_are_refused(door, runs: Path) -> None:
     world = BlockWorld(BEHIND)
     named = {"backend": "oracle", "settings": {"image_size": 120, "vision_model": "embedded"}}

@@ -245,6 +245,13 @@ def test_the_figures_of_single_roles_are_shown_where_a_run_has_them(two_runs: li
         load_runs(two_runs)
 
 
+def test_our_tables_say_at_how_many_tasks_the_infrastructure_failed(tmp_path: Path) -> None:
+    records = [a_record(TASKS[0], delivered()), a_record(TASKS[1], a_result("model_unreachable"))]
+    page = build_page(load_runs([a_run(tmp_path / "a", TASKS, records)]))
+    assert page.count("<th>Infrastructure failures</th>") == 5  # in each of the five
+    assert "<b>1</b><small>of 2 tasks</small>" in page
+
+
 def test_runs_with_equal_arms_are_told_apart_by_their_folders(tmp_path: Path) -> None:
     runs = load_runs([a_run(tmp_path / "a", TASKS, []), a_run(tmp_path / "b", TASKS, [])])
     assert [run.label for run in runs] == ["embedded, paper's rule (a)", "embedded, paper's rule (b)"]
