@@ -12,6 +12,8 @@ from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
 from evaluation.sim_client import SimulatorFault, own_simulator
 from evaluation.task_set.absent import without_objects
 from evaluation.task_set.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate, wanted_tasks
+from evaluation.task_set.generate_real import generate_real
+from evaluation.task_set.mixture import load_mixture, mixture_names
 from evaluation.task_set.task_counts import TaskCounts, count_tasks, write_page
 from evaluation.task_set.task_files import BadTasks, TaskSet, lines_of, load, packed, read
 from evaluation.task_set.task_picture import draw_task
@@ -36,12 +38,19 @@ def generate_command(
     absent: Annotated[
         bool, typer.Option("--absent", help="Take the object away: nothing is there to be found.")
     ] = False,
+    profile: Annotated[
+        str | None,
+        typer.Option(
+            help=f"A mixture of sensors, light, weather, wind and starts: {', '.join(mixture_names())}, or a file.",
+            show_default="as vld-300: perfect sensors by day",
+        ),
+    ] = None,
 ) -> None:
-    """Make a fresh set of tasks of the same kind as the shipped one; every one is flown once, with the truth."""
+    """Make a fresh set of tasks of the same kind as a shipped one; every one is flown once, with the truth."""
     if out is not None and out.exists():
         stop(f"{out} is there already; name another file", WRONG_INPUT)
     try:
-        made = generated(seed, count, Console(stderr=True), name)
+        made = generated(seed, count, Console(stderr=True), name, profile)
         made = without_objects(made) if absent else made
         if out is None:
             sys.stdout.write(lines_of(made.tasks).decode())
@@ -112,14 +121,18 @@ def stats(
         Console().print(counts_table(found), highlight=False)
 
 
-def generated(seed: int, count: int, console: Console, name: str | None = None) -> TaskSet:
+def generated(seed: int, count: int, console: Console, name: str | None = None, profile: str | None = None) -> TaskSet:
     """A fresh set, with a progress bar. Raises ValueError, CannotGenerate, SimulatorFault."""
     prefix = name or f"s{seed}"
+    mixture = None if profile is None else load_mixture(profile)
     wanted = wanted_tasks(seed, count)  # before a simulator is started for what can't be made
     with bar(console) as progress, own_simulator() as simulator:
         job = progress.add_task("making tasks", total=count)
-        tasks = generate(wanted, prefix, simulator, lambda: progress.advance(job))
-    return read(lines_of(tasks), f"seed {seed}, count {count}")
+        if mixture is None:
+            tasks = generate(wanted, prefix, simulator, lambda: progress.advance(job))
+        else:
+            tasks = generate_real(wanted, prefix, simulator, mixture, lambda: progress.advance(job))
+    return read(lines_of(tasks), f"seed {seed}, count {count}" + (f", {profile}" if profile else ""))
 
 
 def counts_table(found: TaskCounts) -> Table:

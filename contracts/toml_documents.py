@@ -17,24 +17,25 @@ MAX_BYTES = 64 * 1024
 
 
 class Kind(NamedTuple):
-    """`folder` below this package; `noun` and `plural` are what people call such a document; `error` is raised for one
+    """`folder` below `package`; `noun` and `plural` are what people call such a document; `error` is raised for one
     that is none."""
 
     folder: str
     noun: str
     plural: str
     error: type[ValueError]
+    package: str = "contracts"
 
     def names(self) -> tuple[str, ...]:
         """Those that ship with the project."""
-        folder = resources.files("contracts") / self.folder
+        folder = resources.files(self.package) / self.folder
         return tuple(sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml")))
 
     def shipped(self, name: str, read: Callable[[dict[str, Any]], T]) -> T:
         """The shipped document of that name. Raises `error`."""
         if name not in self.names():
             raise self.error(f"there is no {self.noun} {name!r}; there are {', '.join(self.names())}")
-        text = (resources.files("contracts") / self.folder / f"{name}.toml").read_text(encoding="utf-8")
+        text = (resources.files(self.package) / self.folder / f"{name}.toml").read_text(encoding="utf-8")
         return self.parse(text, name, read)
 
     def load(self, name_or_file: str, read: Callable[[dict[str, Any]], T]) -> T:

@@ -4,9 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, NamedTuple, get_args
 
 from contracts.scene import BuildingKind
+from contracts.sensor_profiles import DEFAULT_SENSORS
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.proportion import Proportion, share
 from evaluation.scene_generator.scene_plan import Difficulty
+from evaluation.task_set.mixture import StartName
 from evaluation.task_set.task import Category, Task
 
 FLOOR_GROUPS = ((1, 3), (4, 6), (7, 12), (13, None))
@@ -51,7 +53,27 @@ class Grouping(NamedTuple):
     order: tuple[str, ...] = ()
 
 
-GroupingName = Literal["difficulty", "building", "footprint", "neighbours", "category", "floor"]
+def sensors_group(task: Task) -> str:
+    """The profile that the scene names; a run may have chosen another one for all."""
+    return task.scene.sensors or DEFAULT_SENSORS
+
+
+def light_group(task: Task) -> str:
+    """Night, dusk, or day."""
+    return task.scene.light.sky if task.scene.light.sky in ("night", "dusk") else "day"
+
+
+def weather_group(task: Task) -> str:
+    """Fog, rain, wind, or several of them; calm and dry is `fair`."""
+    air = task.scene.air
+    windy = air.wind.speed_m_s > 0.0 or air.wind.gusts_m_s > 0.0
+    named = (("fog", air.visibility_m is not None), ("rain", air.rain_mm_h > 0.0), ("wind", windy))
+    return "+".join(name for name, is_so in named if is_so) or "fair"
+
+
+GroupingName = Literal[
+    "difficulty", "building", "footprint", "neighbours", "category", "floor", "sensors", "light", "weather", "start"
+]
 GROUPINGS: Mapping[GroupingName, Grouping] = {
     "difficulty": Grouping(lambda task: task.difficulty, get_args(Difficulty)),
     "building": Grouping(lambda task: task.building_kind, get_args(BuildingKind)),
@@ -59,5 +81,9 @@ GROUPINGS: Mapping[GroupingName, Grouping] = {
     "neighbours": Grouping(neighbours_group, ("none", "street", "ring")),
     "category": Grouping(lambda task: task.category, get_args(Category)),
     "floor": Grouping(floor_group, tuple(_span(low, high) for low, high in FLOOR_GROUPS)),
+    "sensors": Grouping(sensors_group),
+    "light": Grouping(light_group, ("day", "dusk", "night")),
+    "weather": Grouping(weather_group, ("fair",)),
+    "start": Grouping(lambda task: task.start or "usual", get_args(StartName)),
 }
 """All that a summary breaks success down by."""

@@ -52,6 +52,10 @@ class Groups(Wire):
     neighbours: dict[str, Rate]
     category: dict[str, Rate]
     floor: dict[str, Rate]
+    sensors: dict[str, Rate] = {}
+    light: dict[str, Rate] = {}
+    weather: dict[str, Rate] = {}
+    start: dict[str, Rate] = {}
 
 
 class Absent(Wire):

@@ -106,6 +106,8 @@ def strayed(scene: Scene, pose: Pose) -> bool:
 
 
 def _ends_as_it_should(task: Task, result: DeliveryResult) -> bool:
+    if task.ambiguous:
+        return result.outcome == "request_incomplete" and result.verdict is None
     if task.absent:
         return result.outcome == "object_not_found" and result.verdict is None
     return stops_well(result)
@@ -117,7 +119,7 @@ def _reason_of_the_flight(task: Task, result: DeliveryResult) -> Reason:
     if floor_failed(task, result):
         return "floor"
     if result.verdict is not None:
-        return "blocked" if result.verdict.right_window and not task.absent else "wrong_object"
+        return "blocked" if result.verdict.right_window and not (task.absent or task.ambiguous) else "wrong_object"
     if result.outcome == "blocked":
         return "blocked"
     if floor_failed(task, result, task.floor_height_m / 2):

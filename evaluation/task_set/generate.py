@@ -26,10 +26,10 @@ from evaluation.task_set.task import Category, Task
 MAX_TASKS = 2_000
 MAX_SEED = 2**30
 _SEEDS_PER_BUILDING = 1_000
-_ATTEMPTS = 50
+ATTEMPTS = 50
 _FIRST_ATTEMPTS = 18
 _CORNERS: dict[Difficulty, tuple[int, ...]] = {"easy": (0, 1), "moderate": (2, 3), "hard": (4, 5, 6)}
-_CATEGORIES: tuple[Category, ...] = get_args(Category)
+CATEGORIES: tuple[Category, ...] = get_args(Category)
 
 
 class CannotGenerate(RuntimeError):
@@ -57,9 +57,9 @@ def wanted_tasks(seed: int, count: int) -> list[Wanted]:
     rng = np.random.default_rng((seed, zlib.crc32(b"categories")))
     wanted: list[Wanted] = []
     for plan, share in zip(plans, shares, strict=True):
-        turn = int(rng.integers(len(_CATEGORIES)))
+        turn = int(rng.integers(len(CATEGORIES)))
         for rank in range(share):
-            category = _CATEGORIES[(turn + rank) % len(_CATEGORIES)]
+            category = CATEGORIES[(turn + rank) % len(CATEGORIES)]
             wanted.append(Wanted(len(wanted) + 1, plan, rank, category))
     return wanted
 
@@ -68,27 +68,27 @@ def make_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue: Cata
     """The first solvable draw. Raises CannotGenerate, SimulatorFault."""
     plan = wanted.building
     why = ""
-    for attempt in range(_ATTEMPTS):
-        seed = _seed_of(plan, wanted.rank, attempt)
+    for attempt in range(ATTEMPTS):
+        seed = seed_of(plan, wanted.rank, attempt)
         # a building without balconies has no place for furniture: later attempts take another category
-        category = _CATEGORIES[(_CATEGORIES.index(wanted.category) + attempt // 3) % len(_CATEGORIES)]
+        category = CATEGORIES[(CATEGORIES.index(wanted.category) + attempt // 3) % len(CATEGORIES)]
         try:
-            spec = _draw(plan, wanted, f"{prefix}-{wanted.number:03d}", category, seed, catalogue)
+            spec = draw_spec(plan, wanted, f"{prefix}-{wanted.number:03d}", category, seed, catalogue)
             scene = build_scene(spec, seed, catalogue, building_seed=plan.seed)
             proof = prove(scene, simulator, FIRST)
         except (UnbuildableScene, NotSolvable) as error:
             why = str(error)
             continue
-        return _task(spec, scene, seed, plan, category, proof, catalogue)
-    raise CannotGenerate(f"task {wanted.number} at {plan.name}: none of {_ATTEMPTS} draws can be flown, last: {why}")
+        return task_of(spec, scene, seed, plan, category, proof, catalogue)
+    raise CannotGenerate(f"task {wanted.number} at {plan.name}: none of {ATTEMPTS} draws can be flown, last: {why}")
 
 
-def _seed_of(plan: BuildingPlan, rank: int, attempt: int) -> int:
+def seed_of(plan: BuildingPlan, rank: int, attempt: int) -> int:
     """A seed for every attempt of a building's tasks, of which there are fewer than twenty. Most tasks are found in the
     first attempts; the others go on in a range of their own."""
     if attempt < _FIRST_ATTEMPTS:
         return plan.seed + 1 + 20 * rank + attempt
-    return plan.seed + 401 + (_ATTEMPTS - _FIRST_ATTEMPTS) * (rank % 18) + attempt - _FIRST_ATTEMPTS
+    return plan.seed + 401 + (ATTEMPTS - _FIRST_ATTEMPTS) * (rank % 18) + attempt - _FIRST_ATTEMPTS
 
 
 def generate(wanted: Sequence[Wanted], prefix: str, simulator: SimClient, made: Callable[[], None]) -> list[Task]:
@@ -101,9 +101,10 @@ def generate(wanted: Sequence[Wanted], prefix: str, simulator: SimClient, made: 
     return tasks
 
 
-def _draw(
+def draw_spec(
     plan: BuildingPlan, wanted: Wanted, name: str, category: Category, seed: int, catalogue: Catalogue
 ) -> SceneSpec:
+    """One draw of a task's scene. Raises UnbuildableScene."""
     rng = np.random.default_rng((seed, zlib.crc32(b"task")))
     entries = sorted((e for e in catalogue.entries if e.category == category and set(e.places) != {"free"}), key=_kind)
     if not entries:
@@ -154,7 +155,7 @@ def _decoys(
     return tuple(decoys)
 
 
-def _task(
+def task_of(
     spec: SceneSpec,
     scene: Scene,
     seed: int,
@@ -163,6 +164,7 @@ def _task(
     proof: Proof,
     catalogue: Catalogue,
 ) -> Task:
+    """The task of a scene that was proved."""
     rng = np.random.default_rng((seed, zlib.crc32(b"request")))
     known = {e.kind: e for e in catalogue.entries}
     thing = noun_phrase(known[spec.goal.kind], spec.goal.colour)

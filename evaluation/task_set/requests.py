@@ -97,23 +97,28 @@ def filled(template: Template, fill: Fill) -> str:
     """The request in words. Raises KeyError for a slot that nobody knows."""
     values = {
         "object": fill.thing,
-        "a_object": _with_article(fill.thing),
+        "a_object": with_article(fill.thing),
         "decoy_object": fill.decoy,
-        "a_decoy_object": _with_article(fill.decoy),
+        "a_decoy_object": with_article(fill.decoy),
         "parcel": fill.parcel,
-        "a_parcel": fill.parcel if fill.parcel == "soup" else _with_article(fill.parcel),
+        "a_parcel": fill.parcel if fill.parcel == "soup" else with_article(fill.parcel),
     }
     for prefix, floor in (("", fill.floor), ("decoy_", fill.decoy_floor)):
         values[f"{prefix}floor_number"] = str(floor)
         values[f"{prefix}floor_word"] = in_words(floor)
-        values[f"{prefix}floor_ordinal"] = f"{floor}{_suffix(floor)}"
+        values[f"{prefix}floor_ordinal"] = ordinal_digits(floor)
         values[f"{prefix}floor_ordinal_word"] = ordinal(floor)
     return template.text.format_map(values)
 
 
 def noun_phrase(entry: CatalogueEntry, colour: str) -> str:
     """What people call a thing of that class and colour: no article, colour first."""
-    return f"{colour} {_COUNTABLE.get(entry.phrase, entry.phrase)}"
+    return f"{colour} {plain_name(entry)}"
+
+
+def plain_name(entry: CatalogueEntry) -> str:
+    """The same without the colour."""
+    return _COUNTABLE.get(entry.phrase, entry.phrase)
 
 
 def draw_parcel(rng: np.random.Generator) -> str:
@@ -138,11 +143,16 @@ def ordinal(number: int) -> str:
     return f"{head}{dash}{_ORDINALS.get(last, last + 'th')}"
 
 
+def ordinal_digits(number: int) -> str:
+    """1st, 2nd, 3rd, 4th, ..."""
+    return f"{number}{_suffix(number)}"
+
+
 def _suffix(number: int) -> str:
     if number % 100 in (11, 12, 13):
         return "th"
     return {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
 
 
-def _with_article(noun: str) -> str:
+def with_article(noun: str) -> str:
     return f"{'an' if noun[0].lower() in 'aeio' else 'a'} {noun}"

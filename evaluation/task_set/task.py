@@ -9,6 +9,7 @@ from contracts.base import Metres, Name, Wire
 from contracts.geometry import Point3
 from contracts.scene import BuildingKind, Scene
 from evaluation.scene_generator.scene_plan import Difficulty
+from evaluation.task_set.mixture import StartName
 
 Category = Literal["tools", "containers", "household", "food", "furniture", "posters", "toys", "ornaments"]
 
@@ -19,8 +20,9 @@ class Task(Wire):
     `target` is the goal window's centre (or the goal object's, where it stands free), metres ENU; `target_height_m` its
     height. `shortest_*` is the shortest collision-free way from the start to a place where the delivery would succeed.
     `clearance_m` is what that way keeps from the walls, the drone's own where there is room; null in sets of the first
-    edition, which begin with 0.8 m. `corners` counts the building's corners between the starting facade and the
-    target's, the shorter way round; `difficulty` follows from it."""
+    edition, which begin with 0.8 m. `start`: which kind of start a mixture drew; `ambiguous`: a second object fits the
+    request, so that the right end is to say so. `corners` counts the building's corners between the starting facade and
+    the target's, the shorter way round; `difficulty` follows from it."""
 
     id: Name
     seed: int = Field(ge=0)
@@ -44,6 +46,8 @@ class Task(Wire):
     difficulty: Difficulty
     shortest_horizontal_m: Metres
     shortest_spatial_m: Metres
+    start: StartName | None = Field(default=None, exclude_if=lambda start: start is None)
+    ambiguous: bool = Field(default=False, exclude_if=lambda twin: not twin)
     clearance_m: Metres | None = Field(default=None, exclude_if=lambda clearance: clearance is None)
 
     @property

@@ -1,0 +1,128 @@
+"""Mixtures, and what they make of a scene."""
+
+import math
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contracts.scene import WindowPlace
+from evaluation.metrics.breakdown import light_group, sensors_group, weather_group
+from evaluation.metrics.taxonomy import reason_of
+from evaluation.scene_generator.scene_plan import FootprintSpec, GoalSpec, SceneSpec, UnbuildableScene
+from evaluation.task_set.mixture import BadMixture, Mixture, drawn, load_mixture, mixture_names
+from evaluation.task_set.real_world import RealScene, real_scene, with_twin
+from tests.evaluation.evaluation_kit import a_result, a_task, delivered
+
+REAL = load_mixture("vld-real")
+SPEC = SceneSpec(
+    name="t-1",
+    kind="low_rise",
+    footprint=FootprintSpec(width_m=20, depth_m=12),
+    floors=5,
+    goal=GoalSpec(kind="flower_pot", colour="green", floor=3),
+)
+
+
+def one_of(name: str, **choice: str) -> Mixture:
+    """The mixture with one choice of some kinds, nothing in a row."""
+    fixed = {kind: {value: 1.0} for kind, value in choice.items()}
+    return Mixture.model_validate(REAL.model_dump() | {"name": name, "terraced": 0.0} | fixed)
+
+
+def made(mixture: Mixture, seed: int = 1) -> RealScene:
+    return real_scene(a_task().scene, SPEC, mixture, np.random.default_rng(seed))
+
+
+def test_the_shipped_mixture_is_loaded_by_name() -> None:
+    assert mixture_names() == ("vld-real",)
+    assert REAL.requests == "strangers"
+    assert (REAL.absent, REAL.twins) == (0.1, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        ("d455 = 4", "d405 = 4", "there is no sensor profile 'd405'"),
+        ("absent = 0.10", "absent = 0.95", "absent and twins are shares of the same tasks"),
+        ("near = 1.5", "beside = 1.5", "start"),
+        ("[wind]", "[storm]", "wind"),
+    ],
+)
+def test_a_file_that_is_no_mixture_is_refused_with_what_is_wrong(tmp_path: Path, old: str, new: str, why: str) -> None:
+    data = Path("evaluation/task_set/data/vld-real.toml").read_text(encoding="utf-8")
+    (tmp_path / "mine.toml").write_text(data.replace(old, new))
+    with pytest.raises(BadMixture, match=why):
+        load_mixture(str(tmp_path / "mine.toml"))
+
+
+def test_names_are_drawn_by_weight() -> None:
+    rng = np.random.default_rng(1)
+    tally = Counter(drawn({"a": 3.0, "b": 1.0, "c": 0.0}, rng) for _ in range(2000))
+    assert tally["a"] / 2000 == pytest.approx(0.75, abs=0.04)
+    assert tally["c"] == 0
+
+
+def test_starts_are_near_far_turned_or_facing_away() -> None:
+    usual = made(one_of("m", start="usual")).scene.start
+    near, far = (made(one_of("m", start=start)).scene.start for start in ("near", "far"))
+    assert 1.5 <= -near.position.y <= 3.0
+    assert 25.0 <= -far.position.y <= 38.0
+    assert near.yaw == far.yaw == pytest.approx(usual.yaw)
+    for start, low, high in (("oblique", 30, 50), ("away", 150, 180)):
+        turned = made(one_of("m", start=start)).scene.start
+        off = abs(math.degrees(math.remainder(turned.yaw - usual.yaw, math.tau)))
+        assert low <= off <= high
+        assert turned.position == usual.position
+
+
+def test_sensors_light_and_weather_are_part_of_the_scene_and_of_the_breakdown() -> None:
+    scene = made(one_of("m", sensors="d435", light="night", weather="fog", wind="gusts", start="usual")).scene
+    task = a_task().model_copy(update={"scene": scene})
+    assert (sensors_group(task), light_group(task), weather_group(task)) == ("d435", "night", "fog+wind")
+    assert scene.light.lit_windows > 0.0
+    plain = a_task()
+    assert (sensors_group(plain), light_group(plain), weather_group(plain)) == ("perfect", "day", "fair")
+
+
+def test_the_same_seed_makes_the_same_scene() -> None:
+    assert made(REAL, 5) == made(REAL, 5)
+    assert len({made(one_of("m", start="usual"), seed).scene.model_dump_json() for seed in range(6)}) > 3
+
+
+def test_a_house_in_a_row_has_one_like_it_wall_to_wall_on_either_side() -> None:
+    row = Mixture.model_validate(one_of("m", start="usual").model_dump() | {"terraced": 1.0})
+    scene = made(row).scene
+    left, right = scene.building("row-1"), scene.building("row-2")
+    home = scene.building("home")
+    assert left.windows == right.windows == home.windows
+    assert max(p.x for p in left.footprint) == pytest.approx(min(p.x for p in home.footprint), abs=0.05)
+    assert min(p.x for p in right.footprint) == pytest.approx(max(p.x for p in home.footprint), abs=0.05)
+
+
+def test_a_start_in_another_building_is_no_start() -> None:
+    scene = a_task().scene
+    across = scene.building("neighbour")
+    shut = across.model_copy(
+        update={"footprint": tuple(p.model_copy(update={"x": p.x - 60.0, "y": p.y - 32.0}) for p in across.footprint)}
+    )
+    street = scene.model_copy(update={"buildings": (scene.building("home"), shut)})
+    with pytest.raises(UnbuildableScene, match="hemmed in by neighbour"):
+        [real_scene(street, SPEC, one_of("m", start="far"), np.random.default_rng(seed)) for seed in range(10)]
+
+
+def test_a_twin_stands_at_another_window_of_the_same_floor() -> None:
+    scene = with_twin(a_task().scene, np.random.default_rng(2))
+    goal, twin = (next(o for o in scene.objects if o.id == name) for name in ("goal", "twin"))
+    assert (goal.kind, goal.colour) == (twin.kind, twin.colour)
+    assert isinstance(goal.place, WindowPlace)
+    assert isinstance(twin.place, WindowPlace)
+    assert goal.place.floor == twin.place.floor
+    assert (goal.place.facade, goal.place.column) != (twin.place.facade, twin.place.column)
+
+
+def test_where_two_windows_fit_only_saying_so_is_right() -> None:
+    task = a_task().model_copy(update={"ambiguous": True})
+    assert reason_of(task, a_result("request_incomplete", verdict=None)) == "success"
+    assert reason_of(task, delivered()) == "wrong_object"
