@@ -96,7 +96,7 @@ class Soak:
         if deed in ("slow", *(name for name in (*STEADY, *LEAVES) if name.startswith("stream"))):
             body["stream"] = True
         raw = json.dumps(body).encode()
-        head = f"POST /v1/chat/completions HTTP/1.1\r\nhost: x\r\nauthorization: Bearer soak-{key}\r\n"
+        head = f"POST /v1/chat/completions HTTP/1.1\r\nhost: 127.0.0.1\r\nauthorization: Bearer soak-{key}\r\n"
         return f"{head}content-type: application/json\r\ncontent-length: {len(raw)}\r\n\r\n".encode() + raw
 
     async def _steady(self) -> None:
