@@ -249,7 +249,18 @@ class Delivery(Wire):
 
 
 class DeliveryList(Wire):
+    """A page. `next`: the `before` of the page that follows; null on the last one."""
+
     deliveries: tuple[Delivery, ...]
+    next: Name | None = None
+
+
+class StatusMessage(Wire):
+    """What a webhook is sent when a delivery's status has changed; `type` is `delivery.` and the status."""
+
+    type: str
+    timestamp: AwareDatetime
+    data: Delivery
 
 
 class Sample(Wire):

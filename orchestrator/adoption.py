@@ -6,6 +6,7 @@ from datetime import datetime
 from pathlib import Path
 
 from mission.record import DELIVERY_ID, is_being_written, read_delivery, read_events
+from orchestrator.records import size_of
 from orchestrator.store.deliveries import DeliveryStore
 
 log = logging.getLogger("orchestrator.adoption")
@@ -37,6 +38,8 @@ def _adopted(folder: Path, store: DeliveryStore) -> bool:
         "result": None if result is None else result.model_dump_json(),
         "lane": "prompt",
         "events": len(events),
+        "told": "done",
+        "record_bytes": size_of(folder),
     }
     return store.add(values, events)
 

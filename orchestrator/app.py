@@ -6,17 +6,20 @@ from contextlib import asynccontextmanager
 from typing import Annotated
 
 import anyio.to_thread
-from fastapi import FastAPI, Header, Request, Response
+from fastapi import FastAPI, Header, Query, Request, Response
 from fastapi.responses import FileResponse
+from pydantic import AwareDatetime
 from sqlalchemy.exc import DBAPIError
 from sse_starlette import EventSourceResponse, ServerSentEvent
 
+from contracts.base import Name
 from contracts.fleet import FleetList
-from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion
+from contracts.orchestrator import CustomerAnswer, Delivery, DeliveryList, DeliveryQuestion, DeliveryStatus
 from orchestrator import sample_library
 from orchestrator.access import EVERYBODY, Access, RoleGuard
 from orchestrator.access_routes import add_access_routes
 from orchestrator.assembly import Orchestrator
+from orchestrator.store.upkeep import Page
 from service_kit.app import Check, create_app
 from service_kit.errors import Conflict, NotFound, TooMany, error_answers, error_response
 
@@ -67,9 +70,17 @@ def build_app(
         return delivery
 
     @app.get("/v1/deliveries", tags=["deliveries"])
-    async def list_deliveries() -> DeliveryList:
-        """The newest first."""
-        return DeliveryList(deliveries=tuple(await deliveries.list()))
+    async def list_deliveries(
+        status: DeliveryStatus | None = None,
+        since: AwareDatetime | None = None,
+        text: Annotated[str | None, Query(max_length=200)] = None,
+        before: Name | None = None,
+        limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+    ) -> DeliveryList:
+        """The newest first: of that `status`, taken `since` then, with that `text` in the request. `before`: the
+        answer's `next`, for the page that follows."""
+        taken = None if since is None else since.timestamp()
+        return await deliveries.list(Page(limit, status, taken, text, before))
 
     @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"], responses=_NOT_FOUND)
     async def get_delivery(delivery_id: str) -> Delivery:

@@ -12,15 +12,20 @@ from orchestrator.engine import Engine
 from orchestrator.hangar import Hangar
 from orchestrator.keeper import Keeper
 from orchestrator.records import Records
+from orchestrator.retention import Keep, Retention
 from orchestrator.roll_call import RollCall
 from orchestrator.store.database import Database
 from orchestrator.store.deliveries import DeliveryStore
 from orchestrator.store.executors import ExecutorStore
+from orchestrator.store.upkeep import UpkeepStore
 from orchestrator.store.vehicles import VehicleStore
 from orchestrator.turns import Policy, Tools
 from orchestrator.watch import Watch
+from orchestrator.webhooks import Webhook, Webhooks, tell_untold
 
 ASK_VEHICLES_EVERY_S = 5.0
+CLEAR_EVERY_S = 300.0
+TELL_EVERY_S = 1.0
 ADOPT_EVERY_S = 15.0
 LEAVE_WITHIN_S = 3.0
 """How long steps under way have to end by themselves when the process ends."""
@@ -39,6 +44,8 @@ class Orchestrator:
         *,
         lost_after_s: float = 10.0,
         poll_s: float = 0.5,
+        webhook: Webhook | None = None,
+        keep: Keep | None = None,
     ) -> None:
         """`lost_after_s`: how long another process is waited for before its deliveries are taken over; `poll_s`: the
         time between two looks at a queue."""
@@ -50,7 +57,11 @@ class Orchestrator:
         self._records = records
         self._watch = Watch(store)
         self._carrier = Carrier(Tools(store, self._vehicles, hangar, records, policy), self._watch, executor)
-        self._engine = Engine(database, executor, self._carrier.carry_on, poll_s)
+        self._upkeep = UpkeepStore(database.engine)
+        self._retention = Retention(self._upkeep, records, keep or Keep())
+        self._webhooks = None if webhook is None else Webhooks(webhook, store, records)
+        send = None if self._webhooks is None else self._webhooks.send
+        self._engine = Engine(database, executor, self._carrier.carry_on, poll_s, send)
         self.fleet = RollCall(hangar, self._vehicles, self._engine)
         self._keeper = Keeper(
             store,
@@ -61,7 +72,7 @@ class Orchestrator:
             alone=not database.shared,
             lost_after_s=lost_after_s,
         )
-        self.deliveries = Deliveries(store, self._watch, self._keeper, hangar, records, bounds)
+        self.deliveries = Deliveries(store, self._upkeep, self._watch, self._keeper, hangar, records, bounds)
 
     async def start(self) -> None:
         """Takes up what is there, and what comes."""
@@ -72,6 +83,9 @@ class Orchestrator:
         await self._keeper.start()
         self._keeper.every(ADOPT_EVERY_S, adopted)
         self._keeper.every(ASK_VEHICLES_EVERY_S, self.fleet.call)
+        self._keeper.every(CLEAR_EVERY_S, partial(asyncio.to_thread, self._retention.clear))
+        if self._webhooks is not None:
+            self._keeper.every(TELL_EVERY_S, partial(tell_untold, self._upkeep, self._engine))
 
     async def usable(self) -> str | None:
         """What is wrong with the database; null when all is well."""

@@ -10,10 +10,12 @@ from orchestrator.assembly import Orchestrator
 from orchestrator.deliveries import Bounds
 from orchestrator.fleet import Fleet, read_fleet
 from orchestrator.records import Records
+from orchestrator.retention import Keep
 from orchestrator.settings import OrchestratorSettings
 from orchestrator.store.database import Database
 from orchestrator.turns import Policy
-from service_kit.settings import revealed
+from orchestrator.webhooks import Webhook
+from service_kit.settings import BadSetting, revealed
 
 
 def bootstrap(settings: OrchestratorSettings) -> FastAPI:
@@ -29,6 +31,8 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights, settings.flight_limits),
         Bounds(waiting=settings.max_waiting_deliveries),
         lost_after_s=settings.lost_after_s,
+        webhook=_webhook(settings),
+        keep=Keep(settings.runs_keep_days or None, int(settings.runs_max_gb * 1e9) or None),
     )
     access = Access(
         revealed(settings.orchestrator_token),
@@ -38,6 +42,15 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     )
     checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
     return build_app(orchestrator, checks=checks, access=access, on_close=fleet.close)
+
+
+def _webhook(settings: OrchestratorSettings) -> Webhook | None:
+    if settings.webhook_url is None:
+        return None
+    secret = revealed(settings.webhook_secret)
+    if secret is None:
+        raise BadSetting("WEBHOOK_SECRET is not set; set it or WEBHOOK_SECRET_FILE, so that the receiver can tell us")
+    return Webhook(settings.webhook_url, secret.encode())
 
 
 def _one_simulator(settings: OrchestratorSettings) -> tuple[FleetMember, ...]:

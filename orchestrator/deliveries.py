@@ -5,11 +5,11 @@ import contextlib
 import json
 import time
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from contracts.events import Event, read_event
-from contracts.orchestrator import Delivery, DeliveryQuestion
+from contracts.orchestrator import Delivery, DeliveryList, DeliveryQuestion
 from mission.model_check import WrongModel, check_models
 from mission.ports import PortError
 from mission.record import DELIVERY_ID, PICTURE_NAME, new_id
@@ -18,6 +18,7 @@ from orchestrator.hangar import Hangar
 from orchestrator.keeper import Keeper
 from orchestrator.records import Records, delivery_of
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
+from orchestrator.store.upkeep import Page, UpkeepStore
 from orchestrator.watch import Watch
 from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany
 
@@ -30,10 +31,9 @@ FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"
 
 @dataclass(frozen=True)
 class Bounds:
-    """`waiting`: deliveries that may wait at a time; `listed`: those that a list shows."""
+    """`waiting`: deliveries that may wait at a time."""
 
     waiting: int = 100_000
-    listed: int = 200
 
 
 class Deliveries:
@@ -42,6 +42,7 @@ class Deliveries:
     def __init__(
         self,
         store: DeliveryStore,
+        upkeep: UpkeepStore,
         watch: Watch,
         keeper: Keeper,
         hangar: Hangar,
@@ -49,6 +50,7 @@ class Deliveries:
         bounds: Bounds | None = None,
     ) -> None:
         self._store = store
+        self._upkeep = upkeep
         self._watch = watch
         self._keeper = keeper
         self._hangar = hangar
@@ -133,10 +135,13 @@ class Deliveries:
         """Raises NotFound."""
         return delivery_of(await self._stored(name), self._records.runs)
 
-    async def list(self) -> list[Delivery]:
-        """The newest first."""
-        found = await asyncio.to_thread(self._store.newest, self._bounds.listed)
-        return [delivery_of(stored, self._records.runs) for stored in found]
+    async def list(self, page: Page) -> DeliveryList:
+        """The newest first. Raises NotFound for a page that begins before no delivery."""
+        if page.before is not None:
+            await self._stored(page.before)
+        found = await asyncio.to_thread(self._upkeep.page, replace(page, limit=page.limit + 1))
+        shown = tuple(delivery_of(stored, self._records.runs) for stored in found[: page.limit])
+        return DeliveryList(deliveries=shown, next=shown[-1].id if len(found) > page.limit else None)
 
     async def cancel(self, name: str) -> Delivery:
         """Ends a delivery, whatever its status, and waits for its record to be complete; one that is done stays as it

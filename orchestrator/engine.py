@@ -8,7 +8,7 @@ and not recorded is, when it is done again, the next one.
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-from dbos import DBOS, DBOSConfig, EnqueueOptions
+from dbos import DBOS, DBOSConfig, EnqueueOptions, StepOptions
 
 from contracts.fleet import VehicleKind
 from contracts.orchestrator import MAX_PRIORITY
@@ -18,7 +18,20 @@ from orchestrator.store.deliveries import StoredDelivery
 CarryOn = Callable[[str, int], Awaitable[bool]]
 """One step of that turn of a delivery; false when the turn is over."""
 
+Send = Callable[[str, str], Awaitable[None]]
+"""Sends the message of that id about that delivery; raises where it was not taken."""
+
 TURN = "turn"
+MESSAGE = "message"
+MESSAGES_AT_A_TIME = 8
+TRIES: StepOptions = {
+    "name": "send",
+    "retries_allowed": True,
+    "interval_seconds": 1.0,
+    "backoff_rate": 2.0,
+    "max_attempts": 12,
+}
+"""For a bit more than an hour."""
 WORKFLOWS_VERSION = "1"
 """Of the workflows' form: a delivery queued by a program of the same version is carried on after an upgrade."""
 BATCH = 200
@@ -34,8 +47,11 @@ REQUESTS_AT_A_TIME = 8
 class Engine:
     """One a process: DBOS keeps its own in globals."""
 
-    def __init__(self, database: Database, executor: str, carry_on: CarryOn, poll_s: float) -> None:
+    def __init__(
+        self, database: Database, executor: str, carry_on: CarryOn, poll_s: float, send: Send | None = None
+    ) -> None:
         """`poll_s`: the time between two looks at a queue."""
+        self._send = send or _sent_to_nobody
         self._database = database
         self._executor = executor
         self._carry_on = carry_on
@@ -69,12 +85,21 @@ class Engine:
             while await DBOS.run_step_async({"name": "step"}, carry_on, delivery, number):
                 pass
 
+        send = self._send
+
+        @DBOS.workflow(name=MESSAGE, max_recovery_attempts=None)
+        async def message(message_id: str, name: str) -> None:
+            await DBOS.run_step_async(TRIES, send, message_id, name)
+
         DBOS.launch()
         self._running = True
         await DBOS.register_queue_async(
             "request", worker_concurrency=REQUESTS_AT_A_TIME, polling_interval_sec=self._poll_s
         )
         await DBOS.register_queue_async("prompt", polling_interval_sec=self._poll_s)
+        await DBOS.register_queue_async(
+            MESSAGE, worker_concurrency=MESSAGES_AT_A_TIME, polling_interval_sec=2 * self._poll_s
+        )
         await self.set_room(room)
 
     async def set_room(self, room: Mapping[VehicleKind, int]) -> None:
@@ -109,6 +134,21 @@ class Engine:
         status = await DBOS.get_workflow_status_async(workflow_id(stored.id, stored.turn))
         return status is not None and status.status in ("ENQUEUED", "PENDING")
 
+    async def tell(self, messages: Sequence[tuple[str, str]]) -> None:
+        """Sends these messages, by their ids, of these deliveries; one that was handed over already is not sent
+        again."""
+        await asyncio.to_thread(self._tell, messages)
+
+    def _tell(self, messages: Sequence[tuple[str, str]]) -> None:
+        for message_id, name in messages:
+            options: EnqueueOptions = {
+                "workflow_name": MESSAGE,
+                "queue_name": MESSAGE,
+                "workflow_id": message_id,
+                "app_version": WORKFLOWS_VERSION,
+            }
+            DBOS.enqueue_workflow_with_options(options, message_id, name)
+
     async def forget_finished(self) -> None:
         """Deletes what the engine has recorded of turns that are over: the deliveries' tables say all of it."""
         while True:
@@ -124,6 +164,10 @@ class Engine:
         if self._running:
             self._running = False
             await asyncio.to_thread(DBOS.destroy, destroy_registry=True, workflow_completion_timeout_sec=0)
+
+
+async def _sent_to_nobody(message_id: str, name: str) -> None:
+    """For messages that were handed over while there was a webhook."""
 
 
 def rank(priority: int, created: float) -> int:

@@ -30,8 +30,9 @@ class Records:
             write_whole(folder / "delivery.json", delivery_of(stored, self.runs).model_dump_json(indent=1))
         return folder
 
-    def complete(self, name: str, events: Sequence[str], result: DeliveryResult) -> None:
-        """Everything that a finished delivery's record holds; a second time it is the same. Raises OSError."""
+    def complete(self, name: str, events: Sequence[str], result: DeliveryResult) -> int:
+        """Everything that a finished delivery's record holds, and how many bytes that takes; a second time it is the
+        same. Raises OSError."""
         folder = self.runs / name
         write_whole(folder / "events.jsonl", "".join(f"{line}\n" for line in events))
         try:
@@ -39,6 +40,7 @@ class Records:
         except Exception:  # a delivery without the picture is still a delivery
             log.exception("the summary picture of %s could not be drawn", name)
         write_whole(folder / "result.json", result.model_dump_json(indent=1))
+        return size_of(folder)
 
 
 def delivery_of(stored: StoredDelivery, runs: Path) -> Delivery:
@@ -59,6 +61,11 @@ def delivery_of(stored: StoredDelivery, runs: Path) -> Delivery:
         question=None if stored.open_question is None else OpenQuestion.model_validate_json(stored.open_question),
         result=None if stored.result is None else DeliveryResult.model_validate_json(stored.result, extra="ignore"),
     )
+
+
+def size_of(folder: Path) -> int:
+    """What the folder's files take, in bytes."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
 
 
 def moment(seconds: float) -> str:

@@ -1,5 +1,6 @@
 """The deliveries that ship with the project: one JSON file each (contracts.orchestrator.Sample)."""
 
+from functools import cache
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -17,6 +18,7 @@ def names(folder: Path = FOLDER) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.json"))
 
 
+@cache
 def load(name: str, folder: Path = FOLDER) -> Sample:
     """Raises UnknownSample, or ValueError for a file that is not a sample."""
     if name not in names(folder):

@@ -8,7 +8,7 @@ from pydantic import Field
 from contracts.flight_limits import FlightLimits
 from mission.customer import DEFAULT_PATIENCE_S
 from service_kit.connections import Connections
-from service_kit.settings import Secret, ServiceSettings, Token
+from service_kit.settings import HttpAddress, Secret, ServiceSettings, Token
 
 
 class OrchestratorSettings(Connections, ServiceSettings):
@@ -38,6 +38,19 @@ class OrchestratorSettings(Connections, ServiceSettings):
     fleet: Path | None = Field(
         None,
         description="A TOML file that names the vehicles which fly; without it the simulator at `SIM_URL` does.",
+    )
+    webhook_url: HttpAddress | None = Field(
+        None, description="An address that is told of every change of a delivery's status, signed and retried."
+    )
+    webhook_secret: Secret | None = Field(None, description="The secret that signs what `WEBHOOK_URL` is sent.")
+    runs_keep_days: float = Field(
+        0.0, ge=0.0, le=36_500.0, description="Days that finished deliveries are kept, records included; 0: for ever."
+    )
+    runs_max_gb: float = Field(
+        0.0,
+        ge=0.0,
+        le=1_000_000.0,
+        description="GB that records may take; beyond them the oldest finished deliveries go. 0: no bound.",
     )
     max_live_deliveries: int = Field(
         2,

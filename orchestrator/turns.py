@@ -224,9 +224,9 @@ class Turn:
             self._log.write(number, "done", f"{result.outcome}: {result.message}", result)
         told = await asyncio.to_thread(self._tools.store.events, self._stored.id, 0, 100_000)
         lines = [*told, *(text for _, text in self._log.held())]
-        await asyncio.to_thread(self._tools.records.complete, self._stored.id, lines, result)
+        size = await asyncio.to_thread(self._tools.records.complete, self._stored.id, lines, result)
         done = {"executor": None, "due": None, "state": None, "phase": "done", "ended": time.time()}
-        await self._commit(done | {"result": result.model_dump_json()}, "done")
+        await self._commit(done | {"result": result.model_dump_json(), "record_bytes": size}, "done")
 
     async def _commit(self, changes: Mapping[str, object] | None = None, status: DeliveryStatus | None = None) -> None:
         """Writes state and events. Raises Superseded."""

@@ -59,6 +59,8 @@ class StoredDelivery:
     ending: Ending | None
     vehicle: str | None
     flights: int
+    told: str
+    record_bytes: int
 
 
 class Following(NamedTuple):
@@ -70,7 +72,8 @@ class Following(NamedTuple):
     question: int | None = None
 
 
-def _stored(row: sa.Row[Any]) -> StoredDelivery:
+def stored_delivery(row: sa.Row[Any]) -> StoredDelivery:
+    """A row of the table."""
     return StoredDelivery(**row._mapping)
 
 
@@ -98,12 +101,12 @@ class DeliveryStore:
     def get(self, name: str) -> StoredDelivery | None:
         with self._engine.connect() as c:
             row = c.execute(sa.select(deliveries).where(deliveries.c.id == name)).first()
-        return None if row is None else _stored(row)
+        return None if row is None else stored_delivery(row)
 
     def of_key(self, key: str) -> StoredDelivery | None:
         with self._engine.connect() as c:
             row = c.execute(sa.select(deliveries).where(deliveries.c.idempotency_key == key)).first()
-        return None if row is None else _stored(row)
+        return None if row is None else stored_delivery(row)
 
     def known(self, names: Sequence[str]) -> set[str]:
         """Those of these that there are."""
@@ -113,11 +116,6 @@ class DeliveryStore:
                 chosen = sa.select(deliveries.c.id).where(deliveries.c.id.in_(names[k : k + 500]))
                 found.update(c.execute(chosen).scalars())
         return found
-
-    def newest(self, limit: int) -> list[StoredDelivery]:
-        with self._engine.connect() as c:
-            order = (deliveries.c.created.desc(), deliveries.c.id.desc())
-            return [_stored(row) for row in c.execute(sa.select(deliveries).order_by(*order).limit(limit))]
 
     def waiting(self) -> int:
         with self._engine.connect() as c:
@@ -129,7 +127,7 @@ class DeliveryStore:
         with self._engine.connect() as c:
             chosen = sa.select(deliveries).where(deliveries.c.due <= time.time())
             order = (deliveries.c.priority.desc(), deliveries.c.created)
-            return [_stored(row) for row in c.execute(chosen.order_by(*order).limit(limit))]
+            return [stored_delivery(row) for row in c.execute(chosen.order_by(*order).limit(limit))]
 
     def next_due(self) -> float | None:
         with self._engine.connect() as c:
@@ -152,7 +150,7 @@ class DeliveryStore:
             row = c.execute(
                 deliveries.update().where(*mine).values(**changes, begun=begun).returning(*deliveries.c)
             ).first()
-        return None if row is None else _stored(row)
+        return None if row is None else stored_delivery(row)
 
     def commit(
         self, name: str, version: int, changes: Mapping[str, object], new_events: Sequence[tuple[int, str]] = ()
@@ -256,4 +254,4 @@ class DeliveryStore:
     def carried_by(self, executors: Sequence[str]) -> list[StoredDelivery]:
         with self._engine.connect() as c:
             mine = (deliveries.c.executor.in_(executors), deliveries.c.status != "done")
-            return [_stored(row) for row in c.execute(sa.select(deliveries).where(*mine))]
+            return [stored_delivery(row) for row in c.execute(sa.select(deliveries).where(*mine))]

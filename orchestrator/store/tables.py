@@ -45,12 +45,18 @@ deliveries = sa.Table(
     sa.Column("ending", sa.String(20)),
     sa.Column("vehicle", sa.String(80)),
     sa.Column("flights", sa.Integer, nullable=False, default=0),
+    # the status of which the webhook has been told
+    sa.Column("told", sa.String(20), nullable=False, default="waiting"),
+    # what the finished record takes on the disk
+    sa.Column("record_bytes", sa.BigInteger, nullable=False, default=0),
     sa.Index("deliveries_created", "created"),
     sa.Index("deliveries_status", "status", "created"),
     sa.Index("deliveries_due", "due"),
     sa.Index("deliveries_deadline", "deadline"),
     sa.Index("deliveries_executor", "executor"),
 )
+_UNTOLD = deliveries.c.status != deliveries.c.told
+sa.Index("deliveries_untold", deliveries.c.created, sqlite_where=_UNTOLD, postgresql_where=_UNTOLD)
 
 events = sa.Table(
     "delivery_events",

@@ -17,6 +17,7 @@ from orchestrator.hangar import FlownWith, Hangar, Member, SignOfLife
 from orchestrator.records import Records
 from orchestrator.store.database import Database
 from orchestrator.turns import Policy
+from orchestrator.webhooks import Webhook
 from service_kit.run import server_config
 from tests.conftest import free_port
 from tests.mission.block_vehicle import BlockWorld
@@ -56,6 +57,7 @@ class Door:
         database: str | None = None,
         hangar: Hangar | None = None,
         flights: int = 3,
+        webhook: Webhook | None = None,
     ) -> None:
         orchestrator = Orchestrator(
             Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
@@ -64,6 +66,7 @@ class Door:
             Policy(patience_s, service_within_s, flights),
             Bounds(waiting=max_waiting),
             poll_s=0.05,
+            webhook=webhook,
         )
         port = free_port()
         self._server = uvicorn.Server(server_config(build_app(orchestrator, access=access), "127.0.0.1", port, 2))

@@ -357,6 +357,21 @@ def test_a_database_that_does_not_answer_is_a_503_until_it_does(door, tmp_path: 
         postgres.close()
 
 
+def test_the_list_comes_in_pages_and_by_status_and_words(door) -> None:
+    client = door(BlockWorld())
+    later = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
+    names = [client.post("/v1/deliveries", json=order(BlockWorld(), not_before=later)).json()["id"] for _ in range(3)]
+    first = client.get("/v1/deliveries", params={"limit": 2}).json()
+    rest = client.get("/v1/deliveries", params={"limit": 2, "before": first["next"]}).json()
+    assert {d["id"] for d in first["deliveries"] + rest["deliveries"]} == set(names)
+    assert rest["next"] is None
+    assert client.get("/v1/deliveries", params={"status": "done"}).json()["deliveries"] == []
+    assert len(client.get("/v1/deliveries", params={"text": "FLOWER pot"}).json()["deliveries"]) == 3
+    for wrong in ({"status": "lost"}, {"limit": 0}, {"since": "yesterday"}):
+        assert client.get("/v1/deliveries", params=wrong).status_code == 422
+    assert client.get("/v1/deliveries", params={"before": "20250101-000000-abcdef"}).status_code == 404
+
+
 def test_an_unknown_delivery_is_a_typed_404(door) -> None:
     client = door(BlockWorld())
     for path in ("20250101-000000-abcdef", "20250101-000000-abcdef/events", "nonsense"):

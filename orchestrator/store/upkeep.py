@@ -1,0 +1,89 @@
+"""What is done with deliveries beside carrying them on: listed by the page, told to somebody, and thrown away."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import sqlalchemy as sa
+
+from contracts.orchestrator import DeliveryStatus
+from orchestrator.store.deliveries import StoredDelivery, stored_delivery
+from orchestrator.store.tables import deliveries, events
+
+TOLD_WITHIN_S = 86_400.0
+"""A change that is older is told to nobody any more."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """Which deliveries a list shows: of that status, taken at or after `since` (seconds since 1970), with `text` in
+    the request, older than the delivery `before`."""
+
+    limit: int
+    status: DeliveryStatus | None = None
+    since: float | None = None
+    text: str | None = None
+    before: str | None = None
+
+
+class UpkeepStore:
+    """Over the deliveries of one database. Every function is one transaction."""
+
+    def __init__(self, engine: sa.Engine) -> None:
+        self._engine = engine
+
+    def page(self, page: Page) -> list[StoredDelivery]:
+        """The newest first."""
+        c, chosen = deliveries.c, sa.select(deliveries)
+        if page.status is not None:
+            chosen = chosen.where(c.status == page.status)
+        if page.since is not None:
+            chosen = chosen.where(c.created >= page.since)
+        if page.text:
+            chosen = chosen.where(c.request.icontains(page.text, autoescape=True))
+        if page.before is not None:
+            last = sa.select(c.created).where(c.id == page.before).scalar_subquery()
+            chosen = chosen.where(sa.or_(c.created < last, sa.and_(c.created == last, c.id < page.before)))
+        with self._engine.connect() as connection:
+            rows = connection.execute(chosen.order_by(c.created.desc(), c.id.desc()).limit(page.limit))
+            return [stored_delivery(row) for row in rows]
+
+    def untold(self, limit: int) -> list[StoredDelivery]:
+        """Deliveries whose status nobody has been told yet."""
+        c = deliveries.c
+        recent = sa.or_(c.ended.is_(None), c.ended > time.time() - TOLD_WITHIN_S)
+        chosen = sa.select(deliveries).where(c.status != c.told, recent).order_by(c.created).limit(limit)
+        with self._engine.connect() as connection:
+            return [stored_delivery(row) for row in connection.execute(chosen)]
+
+    def told(self, stored: Sequence[StoredDelivery]) -> None:
+        """The engine will tell these, as they stood."""
+        with self._engine.begin() as connection:
+            for one in stored:
+                connection.execute(deliveries.update().where(deliveries.c.id == one.id).values(told=one.status))
+
+    def outdated(self, before: float, limit: int) -> list[str]:
+        """Deliveries that ended before that, the oldest first."""
+        c = deliveries.c
+        over = (c.status == "done", sa.func.coalesce(c.ended, c.created) < before)
+        with self._engine.connect() as connection:
+            return list(connection.execute(sa.select(c.id).where(*over).order_by(c.created).limit(limit)).scalars())
+
+    def too_much(self, max_bytes: int, limit: int) -> list[str]:
+        """The oldest finished deliveries that have to go for the records to take no more than that."""
+        c = deliveries.c
+        with self._engine.connect() as connection:
+            left = int(connection.execute(sa.select(sa.func.sum(c.record_bytes))).scalar() or 0) - max_bytes
+            found: list[str] = []
+            done = sa.select(c.id, c.record_bytes).where(c.status == "done", c.record_bytes > 0).order_by(c.created)
+            for name, size in connection.execute(done.limit(limit)):
+                if left <= 0:
+                    break
+                found.append(name)
+                left -= size
+        return found
+
+    def delete(self, names: Sequence[str]) -> None:
+        with self._engine.begin() as connection:
+            connection.execute(events.delete().where(events.c.delivery.in_(names)))
+            connection.execute(deliveries.delete().where(deliveries.c.id.in_(names)))
