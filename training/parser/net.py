@@ -93,6 +93,7 @@ class Encoder(nn.Module):
         self.kind.data.copy_(weights["embeddings.token_type_embeddings.weight"][0])
         put(self.norm, "embeddings.LayerNorm")
         for number, layer in enumerate(self.layers):
+            assert isinstance(layer, Layer)
             base = f"encoder.layer.{number}."
             parts = [f"{base}attention.self.{p}" for p in ("query", "key", "value")]
             layer.qkv.weight.data.copy_(torch.cat([weights[p + ".weight"] for p in parts]))

@@ -22,7 +22,7 @@ def draw(history: Sequence[Mapping[str, float]], examined: Sequence[Examined], f
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), constrained_layout=True)
     for name, colour in LOSSES.items():
         left.plot(range(1, len(history) + 1), [losses[name] for losses in history], color=colour, label=name)
-    left.set(xlabel="epoch", ylabel="mean loss (nats)", yscale="log", title="training, rows edited anew at every epoch")
+    left.set(xlabel="epoch", ylabel="mean loss (nats)", yscale="log", title="training; every epoch edits the rows anew")
     left.legend(frameon=False)
     authors = sorted({e.author for e in examined})
     for author in [*authors, None]:
@@ -34,7 +34,7 @@ def draw(history: Sequence[Mapping[str, float]], examined: Sequence[Examined], f
             right.annotate(author, (100 * curve[0].wrong, 100 * curve[0].right), color="0.4")
     chosen = outcomes(examined, found)
     right.plot(100 * chosen.wrong, 100 * chosen.right, "o", color=INK)
-    title = f"{len(authors)} left-out authors: each line goes from asking nothing to asking much"
+    title = f"{len(authors)} left-out authors, from asking nothing (letter) to asking much"
     right.set(xlabel="silently wrong (%)", ylabel="right (%)", title=title)
     right.legend(frameon=False, loc="lower right")
     for axes in (left, right):
