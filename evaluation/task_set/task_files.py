@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from evaluation.task_set.task import Task
 
-SHIPPED = ("vld-300",)
+SHIPPED = ("vld-300", "vld-real")
 MAX_BYTES = 256 * 1024 * 1024
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 _LEVEL = 19

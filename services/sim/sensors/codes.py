@@ -18,15 +18,12 @@ _MOST_CODES = 65_535
 
 class Codes(NamedTuple):
     """`of_units` (65536,) uint16: the code of a depth in wire units, 0 for what is no depth or lies at infinity;
-    `units_of` (65536 >> step_bits,) uint16: the depth measured for a code without its last bits, 0 outside the
-    sensor's range. `sigma`: the error's standard deviation in codes. `near_is_high`: a nearer thing has a higher
-    code."""
+    `units_of` (65536,) uint16: the depth measured for a code, the same for all codes of one step, 0 outside the
+    sensor's range. `sigma`: the error's standard deviation in codes."""
 
     of_units: NDArray[np.uint16]
     units_of: NDArray[np.uint16]
     sigma: float
-    step_bits: int
-    near_is_high: bool
 
 
 @lru_cache(maxsize=16)
@@ -46,10 +43,8 @@ def _disparities(sensor: StereoDepth) -> Codes:
     measured = codes_per_px * pixel_metres / (steps * (1 << _STEPS_BITS))
     return Codes(
         np.rint(codes).astype(np.uint16),
-        _units(measured, sensor),
+        np.repeat(_units(measured, sensor), 1 << _STEPS_BITS),
         sensor.disparity_noise_px * codes_per_px,
-        _STEPS_BITS,
-        near_is_high=True,
     )
 
 
@@ -66,8 +61,6 @@ def _times(sensor: TimeOfFlightDepth) -> Codes:
         np.rint(codes).astype(np.uint16),
         _units(measured * np.sqrt(a / b), sensor),
         float(scale),
-        0,
-        near_is_high=False,
     )
 
 

@@ -58,11 +58,9 @@ def sensed_depth(
 
 
 def _measured(units: Units, codes: Codes, error: NDArray[np.int16]) -> Units:
-    there = codes.of_units[units]
-    noisy = there.astype(np.int32) + error
-    np.clip(noisy, 0, 65_535, out=noisy)
-    noisy[there == 0] = 0
-    return np.asarray(codes.units_of[noisy >> codes.step_bits], np.uint16)
+    there = cv2.LUT(units, codes.of_units)
+    noisy = cv2.add(there, error, dtype=cv2.CV_16U)
+    return np.asarray(cv2.LUT(noisy, codes.units_of) * (there > 0), np.uint16)
 
 
 def _error(sensor: RealDepth, codes: Codes, height: int, width: int, rng: np.random.Generator) -> NDArray[np.int16]:
@@ -73,7 +71,7 @@ def _error(sensor: RealDepth, codes: Codes, height: int, width: int, rng: np.ran
         # between the corners of the grain the error is a mean of four: two thirds as large
         drawn = np.asarray(cv2.resize(drawn, (width, height), interpolation=cv2.INTER_LINEAR)) * 1.5
     scaled = drawn[:height, :width] * (codes.sigma / BANK_CODES_PER_SIGMA)
-    return np.asarray(np.rint(scaled), np.int16)
+    return scaled.astype(np.int16)
 
 
 def _thin_missed(units: Units, sensor: RealDepth, rng: np.random.Generator) -> Units:

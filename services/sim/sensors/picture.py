@@ -16,6 +16,8 @@ Rgb = NDArray[np.uint8]
 _LEAST_SIGMA = 0.25
 """In grey levels: less does not show, and its codes would not fit into 16 bits."""
 _STILL_PX = 0.3
+_LEAN_PX = 0.75
+"""Less from the first row to the last does not show."""
 
 
 class Motion(NamedTuple):
@@ -49,7 +51,7 @@ def sensed_picture(rgb: Rgb, camera: Camera, sensor: PictureSensor, motion: Moti
 
 def _rolled(rgb: Rgb, right_px: float, down_px: float) -> Rgb:
     """Row after row the picture has moved on: it leans, and is stretched or pressed together."""
-    if abs(right_px) < _STILL_PX and abs(down_px) < _STILL_PX:
+    if abs(right_px) < _LEAN_PX and abs(down_px) < _LEAN_PX:
         return rgb
     height, width = rgb.shape[:2]
     lean, stretch = right_px / height, down_px / height
@@ -89,13 +91,13 @@ def _noisy(rgb: Rgb, sensor: PictureSensor, stops: float, rng: np.random.Generat
     height, width, bands = rgb.shape
     noisy = np.asarray(cv2.LUT(rgb, tables.even), np.int16)
     noisy += white(rng, height * width * bands).reshape(height, width, bands)
-    np.clip(noisy, 0, len(tables.to_grey) - 1, out=noisy)
-    return np.asarray(tables.to_grey.take(noisy), np.uint8)
+    return np.asarray(cv2.LUT(noisy.view(np.uint16), tables.to_grey), np.uint8)
 
 
 class _Tables(NamedTuple):
     """`even` (1, 256) int16: grey, exposed, in the measure in which noise is even, BANK_CODES_PER_SIGMA to the standard
-    deviation; `to_grey` back, uint8, null without noise, where the measure is grey itself."""
+    deviation; `to_grey` (65536,) back, uint8, by the bits of a signed number, null without noise, where the measure is
+    grey itself."""
 
     even: NDArray[np.int16]
     to_grey: NDArray[np.uint8] | None
@@ -112,5 +114,6 @@ def _tables(read: float, shot: float, stops: float) -> _Tables:
     steps = np.diff(fine) / ((sigma[1:] + sigma[:-1]) / 2)
     measure = BANK_CODES_PER_SIGMA * np.concatenate([[0.0], np.cumsum(steps)])
     even = np.rint(np.interp(grey, fine, measure)).astype(np.int16).reshape(1, 256)
-    back = np.interp(np.arange(int(measure[-1]) + 1), measure, fine)
+    signed = np.arange(65_536, dtype=np.uint16).view(np.int16)
+    back = np.interp(signed, measure, fine)
     return _Tables(even, np.clip(np.rint(back), 0, 255).astype(np.uint8))

@@ -13,6 +13,8 @@ from evaluation.metrics.taxonomy import reason_of
 from evaluation.scene_generator.scene_plan import FootprintSpec, GoalSpec, SceneSpec, UnbuildableScene
 from evaluation.task_set.mixture import BadMixture, Mixture, drawn, load_mixture, mixture_names
 from evaluation.task_set.real_world import RealScene, real_scene, with_twin
+from evaluation.task_set.stranger_requests import stranger_templates
+from evaluation.task_set.task_files import lines_of, load, read
 from tests.evaluation.evaluation_kit import a_result, a_task, delivered
 
 REAL = load_mixture("vld-real")
@@ -126,3 +128,37 @@ def test_where_two_windows_fit_only_saying_so_is_right() -> None:
     task = a_task().model_copy(update={"ambiguous": True})
     assert reason_of(task, a_result("request_incomplete", verdict=None)) == "success"
     assert reason_of(task, delivered()) == "wrong_object"
+
+
+def test_vld_300_stays_as_it_was_shipped() -> None:
+    checksum = "5f881774abc31cd2d3c313f3961be30d9d6da11db6afbaa90679b9bf22957558"
+    found = load("vld-300")
+    assert (found.checksum, len(found.tasks)) == (checksum, 300)
+    assert read(lines_of(found.tasks), "written again").checksum == checksum
+
+
+def test_the_first_edition_of_vld_real_is_what_it_says_it_is() -> None:
+    tasks = load("vld-real").tasks
+    assert len(tasks) == 60
+    assert all(300_000 <= task.seed <= 399_999 for task in tasks)
+    assert {sensors_group(task) for task in tasks} == {"perfect", "d455", "d435", "tof-10m"}
+    assert {light_group(task) for task in tasks} == {"day", "dusk", "night"}
+    assert {task.start for task in tasks} == {"usual", "near", "far", "oblique", "away"}
+    assert sum(task.absent for task in tasks) >= 4
+    assert sum(task.ambiguous for task in tasks) >= 4
+    assert sum(task.floor == 1 for task in tasks) >= 6
+    assert any(task.floors == 1 for task in tasks)
+    strangers = {template.id for template in stranger_templates()}
+    assert all(task.template in strangers for task in tasks)
+
+
+def test_what_is_absent_is_absent_and_what_is_ambiguous_is_there_twice() -> None:
+    for task in load("vld-real").tasks:
+        like = [
+            o
+            for o in task.scene.objects
+            if (o.kind, o.colour) == (task.object_kind, task.object_colour)
+            and isinstance(o.place, WindowPlace)
+            and (o.place.building, o.place.floor) == (task.scene.target, task.floor)
+        ]
+        assert len(like) == (0 if task.absent else 2 if task.ambiguous else 1), task.id
