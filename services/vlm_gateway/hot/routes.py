@@ -70,4 +70,5 @@ def describe(app: FastAPI) -> None:
 
 
 async def _passed(body: dict[str, Any]) -> Response:
-    raise ServiceError("this app is served by a server that does not know its http_protocol", code="no_protocol")
+    message = "this app is served by a server that does not know its http_protocol; start it by `serve vlm_gateway`"
+    raise ServiceError(message, code="no_protocol", status=503)
