@@ -23,6 +23,7 @@ OutcomeName = Literal[
     "request_incomplete",
     "request_unreadable",
     "object_unknown",
+    "no_building",
     "floor_not_found",
     "answer_unreadable",
     "blocked",

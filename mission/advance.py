@@ -11,6 +11,7 @@ from mission.stage_actions.climbing import check_climb, climb
 from mission.stage_actions.direct_count import back_off, count_whole, find_top, rise_with_distance
 from mission.stage_actions.exploring import leave_blocked, look_round
 from mission.stage_actions.floors import box_building, count_band, count_band_from_nearer, measure_stand_off
+from mission.stage_actions.taking_stand import take_stand
 from mission.stages import (
     BackOff,
     BoxBuilding,
@@ -35,6 +36,7 @@ from mission.stages import (
     RiseWithDistance,
     SqueezeIn,
     Stage,
+    TakeStand,
 )
 from mission.state import MissionState
 from mission.step import MissionContext, MissionEnd, Step
@@ -74,6 +76,8 @@ async def _act(step: Step, stage: Stage) -> Stage:
             return await preflight(step)
         case PlaceDrone():
             return await place_drone(step)
+        case TakeStand():
+            return await take_stand(step, stage)
         case MeasureStandOff():
             return await measure_stand_off(step)
         case Climb():

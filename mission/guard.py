@@ -153,6 +153,10 @@ class GuardedVehicle:
         """May it climb there, as far as depth has shown?"""
         return guard.column_is_open(place, to_m, self._looks)
 
+    def column_looks_open(self, place: Place, to_m: float) -> bool:
+        """The same of a place elsewhere, as it is seen from here."""
+        return guard.column_looks_open(place, to_m, self._looks)
+
     async def _permit(self, move: Move, state: VehicleState) -> None:
         """Returns where the move may be flown. Raises FlightRefused, PortError."""
         if self._trouble is not None:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from contracts.base import Metres, Unit, Wire
+from contracts.base import Metres, Radians, Unit, Wire
 from contracts.geometry import Point3, Pose
 from contracts.orchestrator import OpenQuestion, OutcomeName
 from navigation.floor_localization import Band, WindowRows
@@ -78,6 +78,20 @@ class PlaceDrone(Wire):
     """Get the vehicle, take off where it stands on the ground."""
 
     at: Literal["place_drone"] = "place_drone"
+
+
+class TakeStand(Wire):
+    """Find the building and stand square before it, where nothing hangs over the drone. `moves`: flights made for it;
+    `looked_behind`: what the drone turned its back to was looked at; `first_yaw`: where it looked before, and
+    `first_m` how far off what it saw there was, null for nothing;
+    `backs_off_m`: turned away, it is to fly so far."""
+
+    at: Literal["take_stand"] = "take_stand"
+    moves: int = 0
+    looked_behind: bool = False
+    first_yaw: Radians | None = None
+    first_m: Metres | None = None
+    backs_off_m: Metres = 0.0
 
 
 class MeasureStandOff(Wire):
@@ -229,6 +243,7 @@ Stage = Annotated[
     | NeedsAnswer
     | Preflight
     | PlaceDrone
+    | TakeStand
     | MeasureStandOff
     | Climb
     | CheckClimb

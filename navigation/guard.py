@@ -137,6 +137,17 @@ def column_is_open(place: Place, to_m: float, looks: Sequence[Look]) -> bool:
     return not overhangs(points[away <= _OVERHANG_M + 1.0], place, to_m)
 
 
+def column_looks_open(place: Place, to_m: float, looks: Sequence[Look]) -> bool:
+    """Is the column over a place elsewhere seen to be free up to that height, and does nothing near jut out over it?"""
+    samples = np.array([(place.x, place.y, z) for z in np.arange(place.z, to_m, _STEP_M)]).reshape(-1, 3)
+    if not (_best(samples, looks) == FREE).all():
+        return False
+    points = np.concatenate([np.zeros((0, 3), np.float32), *(look.points for look in looks)])
+    away = np.hypot(points[:, 0] - place.x, points[:, 1] - place.y)
+    beside = (away <= _NARROW_M) & (points[:, 2] > place.z - 0.6) & (points[:, 2] < to_m + 1.0)
+    return bool(beside.sum() <= _FEW) and not overhangs(points[away <= _OVERHANG_M + 1.0], place, to_m)
+
+
 def overhangs(points: Points, place: Place, to_m: float) -> bool:
     """Do points (N, 3) show something about `place` and above it that does not stand on what is below? A wall, a trunk
     or a pole does."""

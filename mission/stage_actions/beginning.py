@@ -10,7 +10,7 @@ from mission.model_calls import Answered
 from mission.places import spoken
 from mission.questions import left_open, missing_fields, question_of
 from mission.stage_actions.asking import ask_customer
-from mission.stages import MeasureStandOff, NeedsAnswer, PlaceDrone, Preflight
+from mission.stages import NeedsAnswer, PlaceDrone, Preflight, TakeStand
 from mission.step import Drone, MissionEnd, Step
 
 
@@ -57,7 +57,7 @@ async def preflight(step: Step) -> PlaceDrone | NeedsAnswer:
     return PlaceDrone()
 
 
-async def place_drone(step: Step) -> MeasureStandOff:
+async def place_drone(step: Step) -> TakeStand:
     """The drone of this mission's key, in the air. Raises PortError."""
     step.enter("place", "placing the drone")
     vehicle = await step.timed("place", step.context.placement.begin(step.state.key))
@@ -73,4 +73,4 @@ async def place_drone(step: Step) -> MeasureStandOff:
         f"the drone is at {spoken(state.pose)}: {drone.capabilities.kind}",
         PlacedData(vehicle=vehicle.name, vehicle_kind=drone.capabilities.kind, pose=state.pose, cameras=drone.cameras),
     )
-    return MeasureStandOff()
+    return TakeStand()

@@ -12,9 +12,10 @@ AHEAD_DEG = 30.0
 """How far to either side an approach looks: the drone faces the thing."""
 
 
-async def look_aside(step: Step, reach_deg: float) -> Look | None:
+async def look_aside(step: Step, reach_deg: float, *, asks: bool = True) -> Look | None:
     """A look that sees everything up to `reach_deg` to either side of the nose. Null where the drone has to turn for
-    it: the next stop's flight is that turn, and the same stage asks again there. Raises PortError."""
+    it: the next stop's flight is that turn, and the same stage asks again there. `asks`: a model will be asked about
+    it, so that each turn counts as a stop. Raises PortError."""
     drone = step.drone
     turns = turns_needed([navigation_camera(camera) for camera in drone.capabilities.cameras], reach_deg)
     if not turns:
@@ -23,7 +24,8 @@ async def look_aside(step: Step, reach_deg: float) -> Look | None:
     if looking is None:
         _plan_turn(step, LookUnderWay(yaw=step.pose.yaw, turns_deg=turns))
         return None
-    step.count_stop()
+    if asks:
+        step.count_stop()
     left = looking.turns_deg[1:]
     # what looks up or down sees the same whichever way the nose points: once is enough
     seen = (*looking.seen, await step.observe(drone.level if left else drone.cameras))

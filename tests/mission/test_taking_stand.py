@@ -1,0 +1,64 @@
+"""The beginning of a flight: from wherever the drone stands, square before the facade and under open sky."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from contracts.geometry import Pose
+from contracts.orchestrator import DeliveryResult, MissionSettings
+from mission.mission import Mission
+from tests.mission.block import Block, StereoBlock
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import block_placement, block_ports
+from tests.mission.test_mission import REQUEST, Events
+
+FACING = math.pi / 2
+
+
+async def flown(block: Block, log: Events) -> DeliveryResult:
+    world = BlockWorld(block)
+    result = await Mission(block_ports(world), block_placement(world), MissionSettings(), log).fly(REQUEST)
+    assert not world.vehicles["e1"].collided
+    return result
+
+
+def start(y: float, off_deg: float = 0.0) -> Block:
+    return Block(start=Pose(x=0.0, y=y, z=1.5, yaw=FACING + math.radians(off_deg)))
+
+
+@pytest.mark.parametrize(
+    ("y", "off_deg"),
+    [(-7.2, 0.0), (-7.5, 0.0), (-36.0, 0.0), (-44.0, 0.0), (-15.0, 50.0), (-15.0, -40.0), (-15.0, 180.0)],
+)
+async def test_from_too_near_too_far_turned_off_or_away_the_right_floor_is_found(y: float, off_deg: float) -> None:
+    log = Events()
+    result = await flown(start(y, off_deg), log)
+    assert result.outcome == "delivered"
+    (stand,) = [e.data for e in log.of("stand_off")]
+    assert 4.0 <= stand.stand_off_m <= 14.5
+    assert abs(math.remainder(stand.pose.yaw - FACING, math.tau)) < math.radians(10.0)
+    assert result.final_height_m == pytest.approx(10.5, abs=0.8)
+    assert all(e.phase != "place" or e.kind != "look" for e in log)  # no model is asked for it
+
+
+async def test_a_good_start_is_left_as_it_is() -> None:
+    log = Events()
+    await flown(start(-15.0), log)
+    assert not [e for e in log if e.phase == "place" and e.kind in {"move", "turn"}]
+
+
+async def test_a_sensor_of_short_reach_begins_from_nearer() -> None:
+    log = Events()
+    block = StereoBlock(start=Pose(x=0.0, y=-15.0, z=1.5, yaw=FACING), range_m=10.0)
+    result = await flown(block, log)
+    assert result.outcome == "delivered"
+    assert next(e.data for e in log.of("stand_off")).stand_off_m < 6.5
+
+
+async def test_where_no_building_stands_it_says_so() -> None:
+    nowhere = replace(Block(), y0=300.0, y1=310.0)
+    result = await flown(nowhere, Events())
+    assert result.outcome == "no_building"
+    assert "no building" in result.message
+    assert result.steps == 0
