@@ -1,6 +1,11 @@
 """Straight up or down along the facade: no higher than what stands there has shown itself to be, and once more from a
 little farther off where that way is not free."""
 
+import math
+from itertools import pairwise
+
+from contracts.geometry import Point3
+from contracts.vehicle import MAX_PATH_POINTS
 from mission.places import above, ahead
 from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, CountBand
 from mission.step import MissionEnd, Step
@@ -8,6 +13,7 @@ from mission.step import MissionEnd, Step
 BACK_OFF_M = 1.0
 CLOSE_ENOUGH_M = 0.05
 BELOW_CEILING_M = 0.1
+SAME_COLUMN_M = 0.3
 
 
 async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb:
@@ -21,9 +27,8 @@ async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb:
         to_m = min(to_m, step.drone.vehicle.ceiling_m - BELOW_CEILING_M)
         if to_m < pose.z + CLOSE_ENOUGH_M:
             return _over_the_roof(step, stage)
-    step.plan_flight(
-        (above(pose, to_m),), pose.yaw, stage.why if to_m == stage.to_m else f"{stage.why}, as far as seen"
-    )
+    why = stage.why if to_m == stage.to_m else f"{stage.why}, as far as seen"
+    step.plan_flight((above(pose, to_m),) if to_m > pose.z else _way_down(step, to_m), pose.yaw, why)
     return CheckClimb.model_validate(stage.model_dump(exclude={"at"}))
 
 
@@ -39,6 +44,21 @@ async def check_climb(step: Step, stage: CheckClimb) -> Climb | AfterClimb:
         raise MissionEnd("blocked", f"the way to {stage.to_m:.1f} m height is not free above {pose.z:.1f} m")
     step.plan_flight((ahead(pose, 180.0, BACK_OFF_M),), pose.yaw, "a little farther off the facade")
     return Climb(to_m=stage.to_m, why=stage.why, then=stage.then, attempt="from_farther_off")
+
+
+def _way_down(step: Step, to_m: float) -> tuple[Point3, ...]:
+    """Straight down where the drone came up; else back to there first, for no level camera sees what is beneath it."""
+    pose, path = step.pose, list[Point3]()
+    flown = step.state.guard.flown if step.state.guard is not None else ()
+    for upper, lower in pairwise(reversed(flown)):
+        if lower.z <= to_m <= upper.z and upper.z - lower.z > CLOSE_ENOUGH_M:
+            share = (upper.z - to_m) / (upper.z - lower.z)
+            x, y = (a + (b - a) * share for a, b in ((upper.x, lower.x), (upper.y, lower.y)))
+            if math.hypot(x - pose.x, y - pose.y) > SAME_COLUMN_M:
+                return (*path, Point3(x=x, y=y, z=to_m))[-MAX_PATH_POINTS:]
+            break
+        path.append(lower)
+    return (above(pose, to_m),)
 
 
 def _over_the_roof(step: Step, stage: Climb) -> AfterClimb:
