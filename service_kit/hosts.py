@@ -1,10 +1,12 @@
 """By which names a server may be called, and whether it may be called from elsewhere without a token.
 
 A web page of somebody else's can point its own name at 127.0.0.1 and then read what a server there answers, as its own
-page (DNS rebinding); the name still stands in `Host`. An address written as numbers can't be bent that way.
+page (DNS rebinding); the name still stands in `Host`. An address written as numbers can't be bent that way, and neither
+can a name without a dot, such as a container's: nobody can register one.
 """
 
 import ipaddress
+import re
 from collections.abc import Iterable
 
 LOOPBACK_NAMES = ("localhost", "ip6-localhost")
@@ -12,7 +14,7 @@ LOOPBACK_NAMES = ("localhost", "ip6-localhost")
 
 class Hosts:
     """`allowed`: names, `*.example.org` for all below one, `*` for any; the loopback's names and plain IP addresses are
-    always among them."""
+    always among them, and so are names without a dot."""
 
     def __init__(self, allowed: Iterable[str] = ()) -> None:
         names = {name.strip().lower() for name in allowed} - {""}
@@ -23,7 +25,12 @@ class Hosts:
     def allow(self, host: str) -> bool:
         """`host` is the header's value: a name or an address, perhaps with a port."""
         name = _without_port(host.strip().lower()).removesuffix(".")
-        return self._any or name in self._names or name.endswith(self._below) or is_address(name)
+        return self._any or name in self._names or name.endswith(self._below) or is_address(name) or is_local_name(name)
+
+
+def is_local_name(name: str) -> bool:
+    """Whether it is one label, which only this network's own names are."""
+    return re.fullmatch(r"[a-z0-9_]([a-z0-9_-]*[a-z0-9_])?", name) is not None
 
 
 def is_address(name: str) -> bool:

@@ -131,7 +131,7 @@ class ServiceSettings(Settings):
     allowed_hosts: str = Field(
         "",
         description="Names by which callers may call it (the header `Host`), comma-separated, such as "
-        "`drones.example,*.internal`; `*`: any. `localhost` and plain IP addresses always may.",
+        "`drones.example,*.internal`; `*`: any. `localhost`, plain IP addresses and names without a dot always may.",
     )
     listen_without_token: bool = Field(
         False, description="Whether to listen beyond this machine though no token is set."

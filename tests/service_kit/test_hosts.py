@@ -26,15 +26,19 @@ from tests.conftest import free_port
         ("192.168.1.7:8100", True),
         ("drones.example:443", True),
         ("a.fleet.internal", True),
+        ("sim:8104", True),
+        ("vlm-gateway", True),
         ("fleet.internal", False),
         ("evilfleet.internal", False),
         ("evil.example:8100", False),
         ("drones.example.evil.example", False),
         ("127.0.0.1.evil.example", False),
+        ("evil example", False),
+        ("-", False),
         ("", False),
     ],
 )
-def test_names_are_those_of_the_list_and_addresses_are_always_right(host: str, allowed: bool) -> None:
+def test_names_are_those_of_the_list_and_addresses_and_single_labels_are_always_right(host: str, allowed: bool) -> None:
     assert Hosts(["drones.example", "*.fleet.internal", ""]).allow(host) is allowed
     assert Hosts(["*"]).allow(host)
 
