@@ -41,7 +41,9 @@ def main(arguments: Sequence[str]) -> int:
     measuring = stages.add_parser("measure", help="figures of left-out authors; sets thresholds of a folder")
     measuring.add_argument("folders", nargs="+", type=Path)
     measuring.add_argument("--card", type=Path)
-    measuring.add_argument("--plot", type=Path, help="a picture of the first folder's losses, and of all figures")
+    measuring.add_argument(
+        "--plot", type=Path, help="a picture of the first folder's losses (its last network's), and of all figures"
+    )
     measuring.add_argument("--set", type=Path, dest="target", help="the exported folder whose about.json is completed")
     chosen = parser.parse_args(arguments)
     try:
@@ -90,9 +92,9 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         "seed": chosen.seed,
         "members": chosen.members,
         "base": "all-MiniLM-L6-v2 (Apache-2.0)",
-        **_measured(chosen.out).model_dump(),
+        **measured(chosen.out).model_dump(),
     }
-    nets, history = [], []
+    nets, history = [], []  # the losses of the last network
 
     def report(epoch: Epoch) -> None:
         history.append(epoch.losses)
@@ -100,6 +102,7 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
 
     for seed in range(chosen.seed, chosen.seed + chosen.members):
         _say(f"seed {seed}\n")
+        history.clear()
         nets.append(fit(fitted, chosen.base, Plan(epochs=chosen.epochs, seed=seed), report))
     export(nets, chosen.base, chosen.out, about)
     (chosen.out / HISTORY).write_text(json.dumps(history))
@@ -108,7 +111,7 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
 
 
-def _measured(folder: Path) -> About:
+def measured(folder: Path) -> About:
     """Calibration and thresholds that stand in the folder already."""
     path = folder / "about.json"
     return About.model_validate_json(path.read_bytes()) if path.is_file() else BEFORE_MEASURING

@@ -8,10 +8,12 @@ import pytest
 from services.llm_parser.reader.decode import content
 from services.llm_parser.reader.floors import readings
 from services.llm_parser.reader.mentions import find_mentions
-from services.llm_parser.reader.model import Thresholds
+from services.llm_parser.reader.model import About, Calibration, Calibrations, Thresholds
+from training.parser.__main__ import BEFORE_MEASURING, measured
 from training.parser.augment import Augmenter
 from training.parser.made import Maker, Thing
-from training.parser.measure import Examined, calibrated, card, outcomes
+from training.parser.measure import Calibrated, Examined, calibrated, card, outcomes
+from training.parser.plot import draw
 from training.parser.rows import Forms, Row, Span, load
 
 REQUESTS = Path(__file__).parents[3] / "training" / "parser" / "requests"
@@ -111,3 +113,28 @@ def test_made_requests_say_the_floor_that_they_are_labelled_with() -> None:
     reached = [row for row in told if row.floor in {r.floor for r in readings(find_mentions(row.text))}]
     assert len(told) > 150
     assert len(reached) > 0.97 * len(told)
+
+
+def test_what_was_measured_of_a_folder_is_kept_by_the_next_export(tmp_path: Path) -> None:
+    assert measured(tmp_path) == BEFORE_MEASURING
+    about = About(
+        calibration=Calibrations(floor=Calibration(slope=0.5, offset=-0.1)),
+        thresholds=Thresholds(floor=0.7, object=0.8),
+    )
+    (tmp_path / "about.json").write_text(about.model_dump_json())
+    assert measured(tmp_path) == about
+
+
+def test_the_curves_are_drawn(tmp_path: Path) -> None:
+    examined = [
+        Examined(
+            author=author, tags=(), text="", floor=1, floor_probability=p, floor_right=p > 0.5, object="pot",
+            object_probability=0.9, object_right=True,
+        )
+        for author in "xy"
+        for p in (0.3, 0.6, 0.9, 0.99)
+    ]  # fmt: skip
+    found = Calibrated(Calibrations(), Thresholds(floor=0.5, object=0.5))
+    losses = [{"floor": 1.0 / n, "object": 2.0 / n, "tags": 0.1, "relation": 0.1} for n in (1, 2, 3)]
+    draw(losses, examined, found, tmp_path / "curves.png")
+    assert (tmp_path / "curves.png").read_bytes().startswith(b"\x89PNG")
