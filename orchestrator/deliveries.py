@@ -76,14 +76,22 @@ class Deliveries:
             raise BadQuestion("deadline: it has passed; give a time to come", code="deadline_passed")
         await self._check(order)
         await self._check_room()
-        values = _new(question, asked, order, key)
-        while not await asyncio.to_thread(self._store.add, values):
-            if key is not None and (known := await asyncio.to_thread(self._store.of_key, key)) is not None:
-                return self._same(known, asked)
-            values["id"] = new_id()
+        taken = await asyncio.to_thread(self._add, _new(question, asked, order, key), key)
+        if taken.question != asked:
+            return self._same(taken, asked)
         self._waiting += 1
         self._keeper.nudge()
-        return await self.get(str(values["id"]))
+        return delivery_of(taken, self._records.runs)
+
+    def _add(self, values: dict[str, object], key: str | None) -> StoredDelivery:
+        """The new delivery, or the one that another call has just added under that key."""
+        while not self._store.add(values):
+            if key is not None and (known := self._store.of_key(key)) is not None:
+                return known
+            values["id"] = new_id()
+        added = self._store.get(str(values["id"]))
+        assert added is not None
+        return added
 
     def _same(self, known: StoredDelivery, asked: str) -> Delivery:
         if known.question != asked:

@@ -15,7 +15,9 @@ from orchestrator.store.executors import ExecutorStore
 log = logging.getLogger("orchestrator.keeper")
 
 QUEUE_EVERY_S = 0.5
-BATCH = 50
+BATCH = 20
+PAUSE_S = 0.05
+"""Between two batches: what comes in at the door goes first."""
 END_EVERY_S = 1.0
 BEATS = 5
 """So many signs of life in the time after which a process counts as dead."""
@@ -88,6 +90,7 @@ class Keeper:
         if turns:
             await self._engine.queue(turns)
             await asyncio.to_thread(self._store.queued, [(turn.id, turn.turn) for turn in turns])
+            await asyncio.sleep(PAUSE_S if len(turns) == BATCH else 0.0)
             return
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._nudged.wait(), QUEUE_EVERY_S)

@@ -50,6 +50,12 @@ class OrchestratorProcess:
                 raise RuntimeError(f"the orchestrator did not start: {self.log()[-2000:]}")
             time.sleep(0.05)
 
+    @property
+    def pid(self) -> int:
+        """Of the process that runs now."""
+        assert self._process is not None
+        return self._process.pid
+
     def kill(self) -> None:
         """SIGKILL, whatever it is doing."""
         self._end(signal.SIGKILL)

@@ -1,0 +1,145 @@
+"""How fast a burst of deliveries is taken, and what a fleet costs that waits.
+
+    python -m tests.load.bench_orchestrator --posts 10000 --callers 4
+
+A real orchestrator on SQLite, or on `--database`; its parser and gateway answer at once, and its simulator is away, so
+that every delivery is read and then waits for a vehicle.
+"""
+
+import argparse
+import os
+import queue
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import httpx
+import uvicorn
+from fastapi import FastAPI
+
+from contracts.llm_parser import ParseAnswer, ParseQuestion
+from contracts.vlm_gateway import PreflightAnswer, PreflightQuestion
+from service_kit.addresses import Addresses
+from tests.load.processes import free_port
+from tests.system.orchestrator_process import OrchestratorProcess
+
+IDLE_S = 20.0
+
+
+def services() -> str:
+    """The address of a parser and a gateway that answer at once."""
+    app = FastAPI()
+
+    @app.post("/v1/parse")
+    async def parse(question: ParseQuestion) -> ParseAnswer:
+        return ParseAnswer(floor=4, object="green flower pot", missing=(), evidence={}, model="fixed")
+
+    @app.post("/v1/preflight")
+    async def preflight(question: PreflightQuestion) -> PreflightAnswer:
+        return PreflightAnswer(model="fixed", backend="fixed", known=True)
+
+    port = free_port()
+    server = uvicorn.Server(uvicorn.Config(app, port=port, log_level="error"))
+    threading.Thread(target=server.run, daemon=True).start()
+    return f"http://127.0.0.1:{port}"
+
+
+def burst(url: str, posts: int, callers: int) -> tuple[list[float], float]:
+    """Seconds that each post took, and all of them together."""
+    todo: queue.SimpleQueue[int] = queue.SimpleQueue()
+    for number in range(posts):
+        todo.put(number)
+    took: list[float] = []
+
+    def call() -> None:
+        with httpx.Client(base_url=url, timeout=60) as client:
+            while not todo.empty():
+                try:
+                    number = todo.get_nowait()
+                except queue.Empty:
+                    return
+                body = {"sample": "green-flower-pot", "priority": number % 10}
+                began = time.perf_counter()
+                answer = client.post("/v1/deliveries", json=body, headers={"Idempotency-Key": f"burst {number}"})
+                took.append(time.perf_counter() - began)
+                assert answer.status_code == 202, answer.text
+
+    threads = [threading.Thread(target=call) for _ in range(callers)]
+    began = time.perf_counter()
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return took, time.perf_counter() - began
+
+
+def count(url: str) -> int:
+    """Deliveries that the list shows, page by page."""
+    found, before = 0, None
+    while True:
+        more = {} if before is None else {"before": before}
+        page: dict[str, Any] = httpx.get(f"{url}/v1/deliveries", params={"limit": 1000} | more, timeout=60).json()
+        found += len(page["deliveries"])
+        before = page["next"]
+        if before is None:
+            return found
+
+
+def cpu_s(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def rss_mb(pid: int) -> float:
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def settled(pid: int) -> float:
+    """Waits until the deliveries have been read; the share of a core that the process takes then."""
+    before = 1.0
+    while True:
+        began, used = time.perf_counter(), cpu_s(pid)
+        time.sleep(IDLE_S)
+        share = (cpu_s(pid) - used) / (time.perf_counter() - began)
+        if share > 0.9 * before or share < 0.02:
+            return share
+        before = share
+
+
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--posts", type=int, default=10_000)
+    parser.add_argument("--callers", type=int, default=4)
+    parser.add_argument("--database", help="postgresql://...; SQLite without it")
+    asked = parser.parse_args()
+    at = services()
+    with tempfile.TemporaryDirectory() as folder:
+        settings = {} if asked.database is None else {"DATABASE_URL": asked.database}
+        away = f"http://127.0.0.1:{free_port()}"
+        addresses = Addresses(llm_parser=at, vlm_gateway=at, depth_assist=at, sim=away)
+        orchestrator = OrchestratorProcess(addresses, Path(folder) / "runs", settings)
+        orchestrator.start()
+        try:
+            before = rss_mb(orchestrator.pid)
+            took, seconds = burst(orchestrator.url, asked.posts, asked.callers)
+            took.sort()
+            p50, p99 = (1000 * took[int(q * (len(took) - 1))] for q in (0.5, 0.99))
+            kept = count(orchestrator.url)
+            say(f"{asked.posts} posts by {asked.callers} callers: {asked.posts / seconds:.0f}/s")
+            say(f"p50 {p50:.1f} ms, p99 {p99:.1f} ms, {kept} kept, RSS +{rss_mb(orchestrator.pid) - before:.0f} MB")
+            share = settled(orchestrator.pid)
+            say(f"{kept} waiting: {100 * share:.1f} % of a core, RSS {rss_mb(orchestrator.pid):.0f} MB")
+        finally:
+            orchestrator.kill()
+
+
+if __name__ == "__main__":
+    main()
