@@ -70,7 +70,8 @@ class MissionState(Wire):
     flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
     look that takes several stops. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
     flights that it has refused since the last one it let happen. `silent_looks`
-    counts useless answers in a row, `approaches` those begun and given up. `counted_at`: the number of moves
+    counts useless answers in a row, `approaches` those begun and given up. `elsewhere`: where else such a
+    thing was seen, for the customer. `counted_at`: the number of moves
     when a stop was counted last, for several questions at one place are one stop. `events`: the number of the last
     event; `seconds`: wall time by part."""
 
@@ -99,6 +100,7 @@ class MissionState(Wire):
     silent_looks: int = 0
     approaches: int = 0
     dismissed: tuple[Dismissed, ...] = ()
+    elsewhere: dict[str, str] = {}
     lost: LostSighting | None = None
     steps: int = 0
     stops: tuple[Stop, ...] = ()

@@ -74,6 +74,8 @@ def _not_found(step: Step, message: str) -> MissionEnd:
     lost = step.state.lost
     if lost is not None and lost.blocked:
         return MissionEnd("blocked", f"the object was seen, but the way to its window is not free ({lost.why})")
+    if step.state.elsewhere:
+        message += f"; such a thing was seen {' and '.join(step.state.elsewhere.values())}"
     return MissionEnd("object_not_found", message)
 
 

@@ -18,6 +18,8 @@ from mission.stages import Seen
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 
+ANOTHER_HOUSE = "not on the building searched"
+
 
 class Found(NamedTuple):
     """The object in one view, at a place that can be the window asked for."""
@@ -55,6 +57,7 @@ async def search(
     else:
         step.update(silent_looks=step.state.silent_looks + 1)
     best = _best(sightings, near)
+    _remember_elsewhere(step, sightings, claim)
     step.write(
         f"{what}: {_said(reply.answer.outcome, sightings, _seen_by(look, best), step.state.object or 'object')}",
         LookData(
@@ -75,6 +78,18 @@ async def search(
         said = f"the recognition model gave {silent} answers in a row that say nothing ({reply.answer.outcome})"
         raise MissionEnd("answer_unreadable", said)
     return _found(look, best, claim) if best is not None else None
+
+
+def _remember_elsewhere(step: Step, sightings: list[Sighting], claim: float) -> None:
+    """Where such a thing was surely seen that is not where it was asked for, to tell the customer in the end."""
+    for sighting in sightings:
+        place = sighting.place
+        if place is None or sighting.match.confidence < claim or sighting.rejected is None:
+            continue
+        if sighting.rejected == ANOTHER_HOUSE:
+            step.update(elsewhere=step.state.elsewhere | {"neighbour": "on a neighbour's house"})
+        elif sighting.rejected.startswith("at height"):
+            step.update(elsewhere=step.state.elsewhere | {"floor": f"on another floor, about {place.z:.0f} m high"})
 
 
 def _found(look: Look, best: Sighting, claim: float) -> Found | None:
@@ -123,7 +138,7 @@ def _judge(step: Step, match: Match, sight: Sight, *, claimable: bool) -> Sighti
 def _of_target(sightings: list[Sighting], on_target: Callable[[Point3], bool]) -> list[Sighting]:
     """The same, with those rejected that are on another building."""
     return [
-        s._replace(rejected="not on the building searched")
+        s._replace(rejected=ANOTHER_HOUSE)
         if s.rejected is None and s.place is not None and not on_target(s.place)
         else s
         for s in sightings

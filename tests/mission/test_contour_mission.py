@@ -35,6 +35,12 @@ async def test_a_window_on_the_far_side_is_found_by_the_contour_explorer() -> No
     assert "choice" not in result.model_calls
 
 
+async def test_a_thing_seen_on_another_floor_is_told_to_the_customer() -> None:
+    result = await fly(BlockWorld(Block(thing=(3.0, -6.2, 4.5))), Events(), max_exploration_steps=2)
+    assert result.outcome == "object_not_found"
+    assert "seen on another floor, about 4 m high" in result.message
+
+
 @pytest.mark.parametrize(("range_m", "noise_per_m"), [(200.0, 0.0), (20.0, 0.0013), (10.0, 0.003)])
 async def test_the_far_side_is_found_with_a_sensor_to_which_sky_and_distance_are_invalid(
     range_m: float, noise_per_m: float
