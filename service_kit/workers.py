@@ -12,8 +12,6 @@ import multiprocessing
 import os
 import signal
 import socket
-import struct
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,14 +19,17 @@ from hashlib import blake2b
 from multiprocessing.context import ForkProcess
 from pathlib import Path
 
+from service_kit.claim_table import ClaimTable
+
 log = logging.getLogger(__name__)
 
 MAX_WORKERS = 32
 SLOTS = 1024
 COMMON = 2 * MAX_WORKERS
-WORDS = COMMON + 2
-"""Of a slot: one for each worker's share, one for how many wait there, and from COMMON on two that are everybody's."""
-_SLOT = struct.Struct(f"<8s{WORDS}d")
+TOTAL = COMMON + 2
+SLOT_WORDS = 1 + TOTAL + 1
+"""Of a slot: its key, each worker's share, how many wait at each, two words that are everybody's, the shares' sum."""
+DIED_LOCKED_S = 1.0
 RESTART_AFTER_S = 0.2
 
 
@@ -41,47 +42,37 @@ class Board:
     before the workers are."""
 
     def __init__(self) -> None:
-        self._memory = mmap.mmap(-1, SLOTS * _SLOT.size)
-        self._lock = tempfile.TemporaryFile()  # noqa: SIM115 - it is open as long as the board is there
+        self._memory = mmap.mmap(-1, SLOTS * SLOT_WORDS * 8)
+        self.words = memoryview(self._memory).cast("d")
+        self._lock = multiprocessing.get_context("fork").Lock()
+        self.lock = self._lock.acquire
+        self.unlock = self._lock.release
+        self.claims = ClaimTable(self.lock, self.unlock)
         self._bells = [os.eventfd(0, os.EFD_NONBLOCK) for _ in range(MAX_WORKERS)]
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Nobody else reads or writes meanwhile. Record locks are a process's, so not to be nested."""
-        fcntl.lockf(self._lock, fcntl.LOCK_EX)
+        """Nobody else reads or writes meanwhile. Not to be nested, nor to be held for longer than a few steps: others
+        stand still. `lock` and `unlock` do the same, quicker."""
+        self.lock()
         try:
             yield
         finally:
-            fcntl.lockf(self._lock, fcntl.LOCK_UN)
+            self.unlock()
 
     def slot(self, name: str) -> int:
-        """Where the numbers of this name are: their offset. Raises NoRoom."""
+        """Where the numbers of this name are: the first of its `words`. Raises NoRoom."""
         key = blake2b(name.encode(), digest_size=8).digest()
         with self.locked():
             first = int.from_bytes(key, "little")
             for step in range(SLOTS):
-                at = (first + step) % SLOTS * _SLOT.size
-                there = self._memory[at : at + 8]
-                if there == key:
-                    return at + 8
+                at = (first + step) % SLOTS * SLOT_WORDS
+                there = self._memory[8 * at : 8 * at + 8]
                 if there == bytes(8):
-                    self._memory[at : at + 8] = key
-                    return at + 8
+                    self._memory[8 * at : 8 * at + 8] = key
+                if there in (key, bytes(8)):
+                    return at + 1
         raise NoRoom(f"more than {SLOTS} numbers are shared")
-
-    def get(self, slot: int, word: int) -> float:
-        return float(struct.unpack_from("<d", self._memory, slot + 8 * word)[0])
-
-    def put(self, slot: int, word: int, value: float) -> None:
-        struct.pack_into("<d", self._memory, slot + 8 * word, value)
-
-    def shares(self, slot: int) -> tuple[float, ...]:
-        """What each worker holds."""
-        return struct.unpack_from(f"<{MAX_WORKERS}d", self._memory, slot)
-
-    def waiting(self, slot: int) -> tuple[float, ...]:
-        """How many wait at each worker."""
-        return struct.unpack_from(f"<{MAX_WORKERS}d", self._memory, slot + 8 * MAX_WORKERS)
 
     def wake(self, worker: int) -> None:
         os.eventfd_write(self._bells[worker], 1)
@@ -96,12 +87,16 @@ class Board:
         return self._bells[worker]
 
     def forget(self, worker: int) -> None:
-        """What a dead worker held, and those that waited at it; the others are woken."""
-        with self.locked():
-            for at in range(0, SLOTS * _SLOT.size, _SLOT.size):
-                if self._memory[at : at + 8] != bytes(8):
-                    self.put(at + 8, worker, 0.0)
-                    self.put(at + 8, MAX_WORKERS + worker, 0.0)
+        """What a dead worker held, and those that waited at it; the others are woken. Where it died with the lock in
+        its hands, that is taken from it."""
+        self._lock.acquire(timeout=DIED_LOCKED_S)  # a living worker never holds it for so long
+        try:
+            for at in range(1, SLOTS * SLOT_WORDS, SLOT_WORDS):
+                self.words[at + TOTAL] -= self.words[at + worker]
+                self.words[at + worker] = self.words[at + MAX_WORKERS + worker] = 0.0
+            self.claims.forget(worker)
+        finally:
+            self.unlock()
         for other in range(MAX_WORKERS):
             self.wake(other)
 

@@ -19,8 +19,6 @@ from services.vlm_gateway.backends.scripted import ScriptedBackend, load_script
 from services.vlm_gateway.cache.claims import Claims
 from services.vlm_gateway.cache.factory import cache_of
 from services.vlm_gateway.cache.guard import GuardedCache
-from services.vlm_gateway.cache.port import Cache
-from services.vlm_gateway.cache.redis import RedisCache
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import ChatLimits, api_key, chat_model, load_config
 from services.vlm_gateway.gateway import Gateway
@@ -96,7 +94,7 @@ def build(settings: GatewaySettings, worker: Worker | None = None, *, environmen
         tracer=_tracer(settings),
         reloader=Reloader(reload, files) if settings.gateway_config is not None else None,
         worker=worker,
-        claims=_claims(store, cache, worker),
+        claims=None if worker is None or cache is None or cache.mode != "on" else Claims(worker, cache),
     )
     return frontend
 
@@ -222,10 +220,3 @@ def _embedded_revision() -> str:
         data = path.read_bytes()
         digest.update(f"{path.name}:{len(data)}:".encode() + data)
     return digest.hexdigest()
-
-
-def _claims(store: Cache | None, cache: GuardedCache | None, worker: Worker | None) -> Claims | None:
-    """Where several workers share a Redis that may be written to."""
-    if worker is None or cache is None or cache.mode != "on":
-        return None
-    return Claims(store, cache) if isinstance(store, RedisCache) else None

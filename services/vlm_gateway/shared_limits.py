@@ -3,45 +3,59 @@
 import asyncio
 from collections.abc import Callable
 
-from service_kit.workers import COMMON, MAX_WORKERS, Worker
+from service_kit.workers import COMMON, MAX_WORKERS, TOTAL, Worker
 
 
 class SharedPlaces:
     """The places at one model, or of one key, over all workers; for `Admission` and `Key`."""
 
     def __init__(self, worker: Worker, name: str, concurrency: int) -> None:
-        self._board = worker.board
-        self._slot = worker.board.slot(name)
+        self._board = board = worker.board
+        self._words = board.words
+        slot = board.slot(name)
+        self._total = slot + TOTAL
+        self._mine = slot + worker.number
+        self._waiting_here = slot + MAX_WORKERS + worker.number
+        self._waiting = slice(slot + MAX_WORKERS, slot + MAX_WORKERS + worker.count)
         self._me = worker.number
         self._concurrency = concurrency
 
     @property
     def taken(self) -> int:
-        return int(sum(self._board.shares(self._slot)))
+        return int(self._words[self._total])
 
     def take(self) -> bool:
-        with self._board.locked():
-            if sum(self._board.shares(self._slot)) >= self._concurrency:
+        words, total = self._words, self._total
+        self._board.lock()
+        try:
+            if words[total] >= self._concurrency:
                 return False
-            self._board.put(self._slot, self._me, self._board.get(self._slot, self._me) + 1)
+            words[total] += 1.0
+            words[self._mine] += 1.0
             return True
+        finally:
+            self._board.unlock()
 
     def give_back(self) -> None:
-        with self._board.locked():
-            self._board.put(self._slot, self._me, self._board.get(self._slot, self._me) - 1)
-            waiting = self._board.waiting(self._slot)
+        words = self._words
+        self._board.lock()
+        try:
+            words[self._total] -= 1.0
+            words[self._mine] -= 1.0
+            waiting = words[self._waiting].tolist()
+        finally:
+            self._board.unlock()
         for worker, count in enumerate(waiting):
             if count and worker != self._me:
                 self._board.wake(worker)
 
     @property
     def waiting_elsewhere(self) -> int:
-        waiting = self._board.waiting(self._slot)
-        return int(sum(waiting) - waiting[self._me])
+        return int(sum(self._words[self._waiting]) - self._words[self._waiting_here])
 
     def waits(self, count: int) -> None:
         """So many wait here: whoever gives a place back is to wake this worker."""
-        self._board.put(self._slot, MAX_WORKERS + self._me, count)
+        self._words[self._waiting_here] = count
 
 
 class SharedBucket:
@@ -51,27 +65,36 @@ class SharedBucket:
         self._per_s = per_minute / 60.0
         self.size = float(per_minute)
         self._board = worker.board
-        self._slot = worker.board.slot(name)
+        self._words = worker.board.words
+        slot = worker.board.slot(name)
+        self._level, self._at = slot + COMMON, slot + COMMON + 1
         with self._board.locked():
-            if not self._board.get(self._slot, COMMON + 1):  # the first of all workers to come fills it
-                self._board.put(self._slot, COMMON, self.size)
-                self._board.put(self._slot, COMMON + 1, now)
+            if not self._words[self._at]:  # the first of all workers to come fills it
+                self._words[self._level] = self.size
+                self._words[self._at] = now
 
     @property
     def level(self) -> float:
-        return self._board.get(self._slot, COMMON)
+        return self._words[self._level]
 
     def add(self, amount: float) -> None:
         """Negative where it is spent."""
-        with self._board.locked():
-            self._board.put(self._slot, COMMON, self._board.get(self._slot, COMMON) + amount)
+        self._board.lock()
+        try:
+            self._words[self._level] += amount
+        finally:
+            self._board.unlock()
 
     def fill(self, now: float) -> float:
-        with self._board.locked():
-            level = self._board.get(self._slot, COMMON) + (now - self._board.get(self._slot, COMMON + 1)) * self._per_s
-            self._board.put(self._slot, COMMON, min(self.size, level))
-            self._board.put(self._slot, COMMON + 1, now)
-            return min(self.size, level)
+        words, level, at = self._words, self._level, self._at
+        self._board.lock()
+        try:
+            filled = min(self.size, words[level] + max(0.0, now - words[at]) * self._per_s)
+            words[level] = filled
+            words[at] = now
+            return filled
+        finally:
+            self._board.unlock()
 
     def wait_s(self, amount: float) -> float:
         return (amount - self.level) / self._per_s
