@@ -84,9 +84,8 @@ def build_app(
     async def parse(question: ParseQuestion) -> Response:
         """The floor and the distinctive object that a request names; what it does not name is listed in `missing`."""
         if not question.request.strip():
-            raise BadQuestion(
-                "the request is blank; say on which floor and what marks the window", code="blank_request"
-            )
+            message = "the request is blank; say on which floor and what marks the window"
+            raise BadQuestion(message, code="blank_request")
         answer = await parsers.choose(question.model).parse(question)
         backend = answer.model if answer.model == READER else "chat"
         answers.labels(backend, answer.outcome, "+".join(answer.missing) or "nothing").inc()

@@ -13,9 +13,8 @@ def object_span(name: str, request: str) -> slice | None:
     """The shortest stretch of `request` that holds all words of `name` that carry meaning, or None where one is
     missing. Plural and singular count as the same word, and so do words of five letters or more one slip apart."""
     wanted = {w for w in _WORD.findall(name.lower()) if w not in _LINKS}
-    said = list(_WORD.finditer(request.lower()))
-    hits = [(m, {w for w in wanted if _same(w, m.group())}) for m in said]
-    hits = [(m, found) for m, found in hits if found]
+    said = _WORD.finditer(request.lower())
+    hits = [(m, found) for m in said if (found := {w for w in wanted if _same(w, m.group())})]
     spans = []
     for at, (first, _) in enumerate(hits):
         left = set(wanted)
