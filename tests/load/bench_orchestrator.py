@@ -97,16 +97,20 @@ def rss_mb(pid: int) -> float:
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def settled(pid: int) -> float:
-    """Waits until the deliveries have been read; the share of a core that the process takes then."""
-    before = 1.0
-    while True:
-        began, used = time.perf_counter(), cpu_s(pid)
-        time.sleep(IDLE_S)
-        share = (cpu_s(pid) - used) / (time.perf_counter() - began)
-        if share > 0.9 * before or share < 0.02:
-            return share
-        before = share
+def wait_until_read(url: str) -> None:
+    """Returns when the delivery that is read last, the newest of the lowest priority, has been read."""
+    newest = httpx.get(f"{url}/v1/deliveries", params={"limit": 100}, timeout=60).json()["deliveries"]
+    last = min(newest, key=lambda delivery: delivery["priority"])["id"]
+    with httpx.stream("GET", f"{url}/v1/deliveries/{last}/events", timeout=600) as answer:
+        next(line for line in answer.iter_lines() if '"kind":"parsed"' in line)
+
+
+def idle_share(pid: int) -> float:
+    """The share of a core that the process takes while everything waits."""
+    time.sleep(IDLE_S / 4)
+    began, used = time.perf_counter(), cpu_s(pid)
+    time.sleep(IDLE_S)
+    return (cpu_s(pid) - used) / (time.perf_counter() - began)
 
 
 def say(line: str) -> None:
@@ -135,7 +139,8 @@ def main() -> None:
             kept = count(orchestrator.url)
             say(f"{asked.posts} posts by {asked.callers} callers: {asked.posts / seconds:.0f}/s")
             say(f"p50 {p50:.1f} ms, p99 {p99:.1f} ms, {kept} kept, RSS +{rss_mb(orchestrator.pid) - before:.0f} MB")
-            share = settled(orchestrator.pid)
+            wait_until_read(orchestrator.url)
+            share = idle_share(orchestrator.pid)
             say(f"{kept} waiting: {100 * share:.1f} % of a core, RSS {rss_mb(orchestrator.pid):.0f} MB")
         finally:
             orchestrator.kill()
