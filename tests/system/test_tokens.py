@@ -53,7 +53,8 @@ async def test_tokens_in_files_reach_every_service(guarded: Processes, secrets: 
         assert (await run.fly(services.simulated())).outcome == "delivered"
     orchestrator = next(child.url for child in guarded.children if child.name == "orchestrator")
     async with httpx.AsyncClient(base_url=orchestrator) as client:
-        assert (await client.get("/readyz")).json()["checks"] == dict.fromkeys(FLIGHT_SERVICES, "ok")
+        checks = (await client.get("/readyz")).json()["checks"]
+            assert checks == dict.fromkeys((*FLIGHT_SERVICES, "database"), "ok")
         assert (await client.get("/v1/deliveries")).status_code == 401
         allowed = await client.get("/v1/deliveries", headers={"Authorization": "Bearer orchestrator-s3cret"})
         assert allowed.status_code == 200
