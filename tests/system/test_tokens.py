@@ -54,7 +54,7 @@ async def test_tokens_in_files_reach_every_service(guarded: Processes, secrets: 
     orchestrator = next(child.url for child in guarded.children if child.name == "orchestrator")
     async with httpx.AsyncClient(base_url=orchestrator) as client:
         checks = (await client.get("/readyz")).json()["checks"]
-            assert checks == dict.fromkeys((*FLIGHT_SERVICES, "database"), "ok")
+        assert checks == dict.fromkeys((*FLIGHT_SERVICES, "database"), "ok")
         assert (await client.get("/v1/deliveries")).status_code == 401
         allowed = await client.get("/v1/deliveries", headers={"Authorization": "Bearer orchestrator-s3cret"})
         assert allowed.status_code == 200
