@@ -173,7 +173,8 @@ class Gateway:
         try:
             reply = await prepared.ask(backend)
             if bill is not None:
-                bill.settle(Spent(reply.tokens.prompt, reply.tokens.completion))
+                counted = Spent(reply.tokens.prompt, reply.tokens.completion)
+                bill.settle(counted if counted.prompt else Spent(bill.estimate.prompt, counted.completion))
         except ServiceError as error:
             if bill is not None:
                 bill.settle(Spent())

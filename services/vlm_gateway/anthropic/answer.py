@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic_core import from_json
-
 from service_kit.errors import ServiceError
 from services.vlm_gateway.upstream.replies import Spent, tokens_of
+from services.vlm_gateway.upstream.server_json import parsed
 
 _STOPPED = {
     "stop": "end_turn",
@@ -55,30 +54,52 @@ def message(number: str, model: str, content: list[dict[str, Any]], used: Spent)
 
 def message_of(body: bytes, model: str) -> dict[str, Any]:
     """The message that a completion's body is. The body was read before: it holds a choice."""
-    completion = from_json(body)
+    completion = parsed(body)
     choice = completion["choices"][0]
     said: Mapping[str, Any] = choice["message"]
-    text = said.get("content") or said.get("refusal")
-    content: list[dict[str, Any]] = [{"type": "text", "text": text}] if isinstance(text, str) else []
-    content += [_tool_use(call) for call in said.get("tool_calls") or []]
+    text = text_of(said.get("content")) or text_of(said.get("refusal"))
+    content: list[dict[str, Any]] = [{"type": "text", "text": text}] if text else []
+    calls = calls_in(said)
+    content += [_tool_use(call) for call in calls]
     made = message(str(completion.get("id") or ""), model, content, tokens_of(completion.get("usage")))
     refused = bool(said.get("refusal"))
     called = stop_reason(choice.get("finish_reason"), refused=refused)
     # some servers end a turn that calls a tool with "stop"
-    made["stop_reason"] = "tool_use" if called == "end_turn" and said.get("tool_calls") else called
+    made["stop_reason"] = "tool_use" if called == "end_turn" and calls else called
     return made
 
 
+def text_of(content: object) -> str:
+    """A message's words, which some servers send in parts."""
+    if isinstance(content, list):
+        texts = [part.get("text") for part in content if isinstance(part, dict)]
+        return "".join(text for text in texts if isinstance(text, str))
+    return content if isinstance(content, str) else ""
+
+
+def calls_in(said: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The calls of tools in a message, or in a piece of one."""
+    calls = said.get("tool_calls")
+    return [call for call in calls if isinstance(call, dict)] if isinstance(calls, list) else []
+
+
+def function_of(call: Mapping[str, Any]) -> Mapping[str, Any]:
+    function = call.get("function")
+    return function if isinstance(function, dict) else {}
+
+
 def _tool_use(call: Mapping[str, Any]) -> dict[str, Any]:
-    function = call.get("function") or {}
+    function = function_of(call)
     return {"type": "tool_use", "id": call.get("id"), "name": function.get("name"), "input": _input(function)}
 
 
 def _input(function: Mapping[str, Any]) -> dict[str, Any]:
     """A tool's arguments; what is no JSON object is told as it came."""
     said = function.get("arguments") or "{}"
+    if not isinstance(said, str):  # some servers send the object itself
+        return said if isinstance(said, dict) else {"arguments": said}
     try:
-        found = from_json(said)
+        found = parsed(said.encode())
     except ValueError:
         found = None
     return found if isinstance(found, dict) else {"arguments": said}

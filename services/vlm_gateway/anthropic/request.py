@@ -10,7 +10,9 @@ from service_kit.errors import BadQuestion
 from services.vlm_gateway.errors import invalid
 
 _PASSED = ("model", "max_tokens", "temperature", "top_p", "top_k", "stream")
-_DROPPED = frozenset({"metadata", "service_tier", "thinking", "output_config", "inference_geo"})
+_DROPPED = frozenset(
+    {"metadata", "service_tier", "thinking", "output_config", "inference_geo", "cache_control", "context_management"}
+)
 """Taken, so that clients work unchanged: they tell the server about the caller, or ask for what a chat may not have."""
 _KNOWN = _DROPPED | {*_PASSED, "messages", "system", "tools", "tool_choice", "stop_sequences"}
 _CHOICES = {"auto": "auto", "any": "required", "none": "none"}
@@ -48,7 +50,7 @@ def _list(value: object, where: str) -> list[Any]:
 
 
 def _system(system: object) -> list[dict[str, Any]]:
-    if system is None:
+    if system is None or system == []:
         return []
     if isinstance(system, str):
         return [{"role": "system", "content": system}]
@@ -89,8 +91,10 @@ def _of_user(blocks: list[Any], where: str) -> Iterable[dict[str, Any]]:
         place = f"{where}.{at}"
         kind = _kind(block, place)
         if kind == "tool_result":
+            if not isinstance(block.get("tool_use_id"), str):
+                raise invalid(f"{place}.tool_use_id", "the id of the tool_use that it is a result of is wanted")
             texts, pictures = _result(block, place)
-            yield {"role": "tool", "tool_call_id": block.get("tool_use_id"), "content": texts}
+            yield {"role": "tool", "tool_call_id": block["tool_use_id"], "content": texts}
             parts += pictures
         else:
             parts.append(_part(block, kind, place))
@@ -103,6 +107,8 @@ def _result(block: Mapping[str, Any], where: str) -> tuple[str, list[dict[str, A
     """What a tool said, and the pictures that it gave, which go into the user's message."""
     content = block.get("content")
     content = [{"type": "text", "text": content}] if isinstance(content, str) else content or []
+    if not isinstance(content, list):
+        raise invalid(f"{where}.content", "a text or a list of blocks is wanted")
     parts = [_part(inner, _kind(inner, where), where) for inner in content]
     words = "\n".join(part["text"] for part in parts if part["type"] == "text")
     pictures = [part for part in parts if part["type"] != "text"]
@@ -132,6 +138,8 @@ def _of_assistant(blocks: list[Any], where: str) -> dict[str, Any]:
     for at, block in enumerate(blocks):
         kind = _kind(block, f"{where}.{at}")
         if kind == "tool_use":
+            if not isinstance(block.get("id"), str) or not isinstance(block.get("name"), str):
+                raise invalid(f"{where}.{at}", "a tool_use with an id and a name is wanted")
             function = {"name": block.get("name"), "arguments": to_json(block.get("input") or {}).decode()}
             calls.append({"id": block.get("id"), "type": "function", "function": function})
         elif kind not in _THOUGHTS:

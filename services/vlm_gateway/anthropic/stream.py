@@ -5,14 +5,15 @@ content_block_start, content_block_delta ..., content_block_stop      a text or 
 message_delta (why it stopped, what it cost), message_stop
 """
 
+from collections.abc import Mapping
 from typing import Any
 
-from jiter import from_json
 from pydantic_core import to_json
 
-from services.vlm_gateway.anthropic.answer import message, stop_reason, usage_of
-from services.vlm_gateway.upstream.events import EventSplitter
+from services.vlm_gateway.anthropic.answer import calls_in, function_of, message, stop_reason, text_of, usage_of
+from services.vlm_gateway.upstream.events import EventSplitter, data_of
 from services.vlm_gateway.upstream.replies import Spent
+from services.vlm_gateway.upstream.server_json import parsed
 
 _DONE = b"[DONE]"
 
@@ -49,39 +50,49 @@ class MessageStream:
         return rest + self._close() + ending
 
     def _read(self, event: bytes) -> bytes:
-        data = b"".join(line[5:].strip() for line in event.splitlines() if line.startswith(b"data:"))
+        data, _ = data_of(event)
         if not data or data == _DONE:
             return b""
-        said = from_json(data)
+        try:
+            said = parsed(data, allow_inf_nan=True)
+        except ValueError:
+            return b""
+        if not isinstance(said, dict):
+            return b""
         begun = b""
         if not self._begun:
             self._begun = True
             start = message(str(said.get("id") or ""), self._model, [], Spent())
             begun = written("message_start", message=start)
-        choices = said.get("choices") or []
-        return begun + (self._choice(choices[0]) if choices else b"")
+        choices = said.get("choices")
+        first = choices[0] if isinstance(choices, list) and choices else None
+        return begun + (self._choice(first) if isinstance(first, dict) else b"")
 
     def _choice(self, choice: dict[str, Any]) -> bytes:
-        delta = choice.get("delta") or {}
         self._finish_reason = choice.get("finish_reason") or self._finish_reason
+        delta = choice.get("delta")
+        if not isinstance(delta, dict):
+            return b""
         self._refused = self._refused or bool(delta.get("refusal"))
         events = b""
-        if words := delta.get("content") or delta.get("refusal"):
+        if words := text_of(delta.get("content")) or text_of(delta.get("refusal")):
             events += self._switch("text", {"type": "text", "text": ""})
             events += self._delta({"type": "text_delta", "text": words})
-        for call in delta.get("tool_calls") or []:
+        for call in calls_in(delta):
             events += self._call(call)
         return events
 
-    def _call(self, call: dict[str, Any]) -> bytes:
-        """A tool's call, or more of its arguments: it begins where it is named."""
+    def _call(self, call: Mapping[str, Any]) -> bytes:
+        """A tool's call, or more of its arguments: it begins where it is named. Gemini gives all calls one index."""
         self._called = True
-        function = call.get("function") or {}
-        kind = f"call {call.get('index', 0)}"
-        block: dict[str, Any] = {"type": "tool_use", "id": call.get("id"), "name": function.get("name"), "input": {}}
-        events = self._switch(kind, block)
+        function, number = function_of(call), call.get("id")
+        place = f"call {call.get('index', 0)} "
+        goes_on = self._open.startswith(place) and (not number or self._open == f"{place}{number}")
+        block: dict[str, Any] = {"type": "tool_use", "id": number, "name": function.get("name"), "input": {}}
+        events = b"" if goes_on else self._switch(f"{place}{number or ''}", block)
         if arguments := function.get("arguments"):
-            events += self._delta({"type": "input_json_delta", "partial_json": arguments})
+            told = arguments if isinstance(arguments, str) else to_json(arguments).decode()
+            events += self._delta({"type": "input_json_delta", "partial_json": told})
         return events
 
     def _switch(self, kind: str, block: dict[str, Any]) -> bytes:

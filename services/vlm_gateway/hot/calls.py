@@ -19,10 +19,11 @@ from services.vlm_gateway.keys import Forbidden, Key, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.tracking import NO_TRACER, Tracer
 from services.vlm_gateway.upstream.client import Upstream
-from services.vlm_gateway.upstream.events import ChatReader, outcome_of
-from services.vlm_gateway.upstream.forms import CHAT, Form
+from services.vlm_gateway.upstream.events import outcome_of
+from services.vlm_gateway.upstream.forms import CHAT, EMBEDDINGS, Form
 from services.vlm_gateway.upstream.http_reply import Buffer
-from services.vlm_gateway.upstream.replies import Said, Spent
+from services.vlm_gateway.upstream.replies import Answer, Said, Spent
+from services.vlm_gateway.upstream.server_json import parsed
 from services.vlm_gateway.upstream.stream import ChatStream
 from services.vlm_gateway.usage.accounts import Accounts, estimated
 
@@ -152,7 +153,7 @@ class Models:
                 asked.given_up()
                 raise
             outcome = _outcome(answer.said, call.limits_length) if call.form is CHAT else "answered"
-            asked.ended(answer.said.tokens)
+            asked.ended(_spent(answer, call))
             if outcome == "answered":
                 self._keep(call, target, Stored(target.alias, False, answer.body))
             return Answered(target.alias, answer.body, outcome)
@@ -185,7 +186,7 @@ class Models:
                 raise
             finally:
                 stream.close()
-                course.used = _used(stream.said, call.estimate)
+                course.used = stream.said.used(call.estimate.prompt)
                 asked.ended(course.used, "" if stream.said.done else failed)  # who has it all may leave
             course.outcome = stream.said.outcome(call.limits_length)
             if course.outcome == "answered" and (whole := relayed.whole) is not None:
@@ -247,6 +248,11 @@ def _outcome(said: Said, length_asked_for: bool) -> str:
     )
 
 
-def _used(said: ChatReader, estimate: Spent) -> Spent:
-    """The server's own count; else the request as it was estimated, and what was passed on."""
-    return said.usage or Spent(estimate.prompt, said.completion_tokens)
+def _spent(answer: Answer, call: ModelRequest) -> Spent:
+    """The server's own count; else the request as it was estimated, and what was answered."""
+    tokens = answer.said.tokens
+    if tokens.prompt and (tokens.completion or call.form is EMBEDDINGS):
+        return tokens
+    reader = call.form.reader()
+    reader.read_whole(parsed(answer.body))
+    return reader.used(call.estimate.prompt)

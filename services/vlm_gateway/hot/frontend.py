@@ -198,7 +198,7 @@ class Frontend:
 
     async def _further(self, raw: bytes, exchange: Exchange) -> None:
         big = len(raw) > BIG_SKELETON_BYTES
-        asked = partial(further, exchange.route.form, raw, self.models, exchange.key, exchange.trace)
+        asked = partial(further, exchange.route.form, raw, self.models, exchange.key, exchange.trace, self._limits)
         call, stream = await asyncio.to_thread(asked) if big else asked()
         exchange.alias = call.targets[0].alias
         if stream:

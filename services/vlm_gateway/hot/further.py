@@ -6,7 +6,7 @@ accounts are those of chats.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,9 +14,10 @@ from jiter import from_json
 from pydantic_core import to_json
 
 from service_kit.errors import BadQuestion
+from services.vlm_gateway.config import ChatLimits
 from services.vlm_gateway.errors import invalid
 from services.vlm_gateway.hot.calls import ModelRequest, Models
-from services.vlm_gateway.hot.request import MAX_ALIAS, Chat
+from services.vlm_gateway.hot.request import MAX_ALIAS, Chat, addresses_in
 from services.vlm_gateway.keys import Key
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.upstream.forms import COMPLETIONS, EMBEDDINGS, RESPONSES, Form
@@ -34,11 +35,12 @@ class Further(NamedTuple):
     stream: bool
 
 
-def further(form: Form, raw: bytes, models: Models, key: Key, trace: bytes | None) -> Further:
+def further(form: Form, raw: bytes, models: Models, key: Key, trace: bytes | None, limits: ChatLimits) -> Further:
     """The request, checked. Raises NotFound, Forbidden or BadQuestion."""
     body = _checked(form, raw)
+    _check_lengths(body, limits.tokens)
     chat = Chat(body["model"], body, bool(body.get("stream")))
-    limit = next((body[name] for name in LENGTHS if isinstance(body.get(name), int)), None)
+    limit = next((body[name] for name in LENGTHS if body.get(name) is not None), None)
     call = ModelRequest(
         models.asked(chat, key),
         form,
@@ -75,11 +77,19 @@ def _checked(form: Form, raw: bytes) -> dict[str, Any]:
     for name in ("previous_response_id", "conversation", "background"):
         if body.get(name):
             raise invalid(name, "nothing is kept between requests; send all of the input")
-    if any(not value.startswith("data:") for value in _strings_by_url(body)):
+    if any(value[:5].lower() != "data:" for value in addresses_in(body)):
         raise BadQuestion("nothing is fetched from an address; send data: URLs", code="no_urls")
     if form is RESPONSES:
         body["store"] = False
     return dict(body)
+
+
+def _check_lengths(body: Mapping[str, Any], most: int) -> None:
+    """What is reserved in a budget is by these."""
+    for name in LENGTHS:
+        value = body.get(name)
+        if value is not None and (isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most):
+            raise invalid(name, f"a whole number from 0 to {most} is wanted")
 
 
 def _check_stream(form: Form, body: Mapping[str, Any]) -> None:
@@ -91,16 +101,3 @@ def _check_stream(form: Form, body: Mapping[str, Any]) -> None:
     options = body.get("stream_options")
     if options is not None and not isinstance(options, dict):
         raise invalid("stream_options", "an object is wanted")
-
-
-def _strings_by_url(value: object) -> Iterator[str]:
-    """What stands, at any depth, under a name that says that it is an address."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            if isinstance(inner, str) and (name == "url" or name.endswith("_url")):
-                yield inner
-            else:
-                yield from _strings_by_url(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _strings_by_url(inner)

@@ -1,6 +1,7 @@
 """Which chat requests are let through: bounded, pictures inline, one answer. What a message carries beside its words
 is for the target to take or to drop (rewriting.py)."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from service_kit.errors import BadQuestion
@@ -37,7 +38,18 @@ PASSED = frozenset(
         "repetition_penalty",
     }
 )
-DROPPED = frozenset({"user", "metadata", "store", "service_tier", "n", "prompt_cache_key", "safety_identifier"})
+DROPPED = frozenset(
+    {
+        "user",
+        "metadata",
+        "store",
+        "service_tier",
+        "n",
+        "prompt_cache_key",
+        "prompt_cache_retention",
+        "safety_identifier",
+    }
+)
 """Taken, so that clients work unchanged, but not passed on: they tell the server about the caller or ask for more than
 one answer."""
 _KNOWN = PASSED | DROPPED | {"model", "stream"}
@@ -94,6 +106,9 @@ def check_chat(body: object, cut_outs: CutOuts, limits: ChatLimits) -> Chat:
     stream = body.get("stream", False)
     if stream is not None and not isinstance(stream, bool):
         raise invalid("stream", "true or false is wanted")
+    options = body.get("stream_options")
+    if options is not None and not isinstance(options, dict):
+        raise invalid("stream_options", "an object is wanted")
     alias = body.get("model")
     if alias is not None and (not isinstance(alias, str) or not alias or len(alias) > MAX_ALIAS):
         raise invalid("model", "the alias of a model is wanted; GET /v1/models lists them")
@@ -161,10 +176,23 @@ def _check_part(part: object, place: tuple[int, int], cut_outs: CutOuts, limits:
 
 def _check_inline(part: dict[str, Any], where: str) -> None:
     """Raises BadQuestion (`no_urls`) where a model's server would fetch something."""
-    for value in part.values():
-        url = value.get("url") if isinstance(value, dict) else None
-        if isinstance(url, str) and not url.startswith("data:"):
-            raise BadQuestion(f"{where}: nothing is fetched from an address; send a data: URL", code="no_urls")
+    if any(url[:5].lower() != "data:" for url in addresses_in(part)):
+        raise BadQuestion(f"{where}: nothing is fetched from an address; send a data: URL", code="no_urls")
+
+
+def addresses_in(value: object) -> Iterator[str]:
+    """What stands, at any depth, under a name that says that it is an address; what is only cited is left out."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            if name in ("annotations", "metadata"):
+                continue
+            if isinstance(inner, str) and (name == "url" or name.endswith("_url")):
+                yield inner
+            else:
+                yield from addresses_in(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from addresses_in(inner)
 
 
 def _is_plain(part: dict[str, Any], picture: ChatPicture | None) -> bool:

@@ -26,7 +26,7 @@ from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Stream
 from services.vlm_gateway.upstream.probing import Prober
 from services.vlm_gateway.upstream.replies import Answer, Api, ReplyReader, said_in
 from services.vlm_gateway.upstream.retries import RetryBudget, loading_pause_s, retry_pause_s
-from services.vlm_gateway.upstream.stream import ChatStream, late
+from services.vlm_gateway.upstream.stream import ChatStream, late, may_be_stream
 
 T = TypeVar("T")
 log = logging.getLogger(__name__)
@@ -244,7 +244,7 @@ class Upstream:
         begun = False
         try:
             stream = opened = await attempt.endpoint.pool.stream(attempt.request(), deadline)
-            if stream.status != 200 or not stream.headers.get(b"content-type", b"").startswith(b"text/event-stream"):
+            if stream.status != 200 or not may_be_stream(stream.headers):
                 rest = await stream.rest(deadline, MAX_REPLY_BYTES)
                 raise self._no_stream(stream.status, rest, stream.headers, form.api)
             opened = ChatStream(

@@ -9,12 +9,12 @@ import re
 from collections.abc import Iterator
 from typing import Any, Literal
 
-from jiter import from_json
 from pydantic_core import to_json
 
 from services.vlm_gateway.upstream.error_forms import error_inside
 from services.vlm_gateway.upstream.plain_events import PlainEvents, Skimmed
 from services.vlm_gateway.upstream.replies import Spent, tokens_of
+from services.vlm_gateway.upstream.server_json import parsed
 
 MAX_EVENT_BYTES = 8 * 1024 * 1024
 SMALL_BYTES = 64 * 1024
@@ -24,6 +24,7 @@ MOST_CHARACTERS_A_TOKEN = 8
 """An event with more than this holds several tokens."""
 
 _EMPTY_LINE = re.compile(rb"(?>\r\n|\n|\r)(?>\r\n|\n|\r)")
+_AROUND = b"\r\n\xef\xbb\xbf"
 _LINE_END = re.compile(rb"\r\n|\n|\r")
 _NO_USAGE = re.compile(rb',\s*"usage"\s*:\s*null(?=\s*[,}])')
 _WORDS = ("content", "text")
@@ -93,6 +94,7 @@ class ChatReader:
         self.error: object = None
         self.content_events = 0
         self._characters = 0
+        self._counted = 0
         self._plain = PlainEvents()
 
     @property
@@ -108,6 +110,12 @@ class ChatReader:
         if self._characters <= MOST_CHARACTERS_A_TOKEN * self.content_events:
             return self.content_events
         return max(self.content_events, self._characters // CHARACTERS_A_TOKEN)
+
+    def used(self, prompt: int) -> Spent:
+        """What the server counted, and an estimate of what came after that or was not counted; `prompt` is one of the
+        request."""
+        counted = self.usage or Spent()
+        return Spent(counted.prompt or prompt, counted.completion + self.completion_tokens - self._counted)
 
     def outcome(self, length_asked_for: bool) -> str:
         """`answered` where it ended as an answer does, with words or a tool call in it; else what is wrong with it."""
@@ -131,14 +139,14 @@ class ChatReader:
         """What one event is, and what is to be passed on of it: nothing of its `usage` where that is not wanted.
 
         After `error`, the error is in `error`: an object, a list or a text."""
-        data, named_error = _data_of(event)
+        data, named_error = data_of(event)
         if data is None:
             return "nothing", event
         if data == b"[DONE]":
             self.done = True
             return "nothing", event
         try:
-            said = from_json(data)
+            said = parsed(data, allow_inf_nan=True)
         except ValueError:
             if named_error:
                 self.error = data.decode("utf-8", "replace")
@@ -151,6 +159,8 @@ class ChatReader:
         if error is not None:
             self.error = error
             return "error", event
+        if event.lstrip(_AROUND).startswith(b"{"):
+            return "nothing", event  # an object that is no field of an event
         kind = self._chunk(said)
         passed_on = _without_usage(event, data, said) if without_usage and "usage" in said else event
         if kind == "content" and (words := self._only_words(said)):
@@ -190,11 +200,22 @@ class ChatReader:
             delta = choice.get("delta") or choice.get("message") or choice
             if isinstance(delta, dict) and self._delta(delta):
                 kind = "content"
-        if isinstance(usage, dict):
-            self.usage = tokens_of(usage)
         if kind == "content":
             self.content_events += 1
+        self._count(usage)
         return kind
+
+    def _count(self, usage: object) -> None:
+        """Of a server that counts from event to event the last count holds; what is all zeros was not counted."""
+        counted = tokens_of(usage)
+        if counted != Spent():
+            self.usage = counted
+            self._counted = self.completion_tokens if counted.completion else 0
+
+    def read_whole(self, reply: dict[str, Any]) -> None:
+        """A reply that is no stream."""
+        if "choices" in reply:
+            self._chunk(reply)
 
     def _delta(self, delta: dict[str, Any]) -> bool:
         """Whether there is something in it for the caller."""
@@ -226,13 +247,15 @@ def outcome_of(finish_reason: str | None, *, has_content: bool, refused: bool, l
     return "answered" if has_content else "empty"
 
 
-def _data_of(event: bytes) -> tuple[bytes | None, bool]:
+def data_of(event: bytes) -> tuple[bytes | None, bool]:
     """An event's data, its lines joined, and whether the event says by its name that it is an error."""
     if event.startswith(b"data:"):
         data = event[5:].strip()
         if b"\n" not in data and b"\r" not in data:
             return data, False
-    stripped = event.strip(b"\r\n\xef\xbb\xbf")
+    stripped = event.strip(_AROUND)
+    if stripped.startswith(b"{"):
+        return stripped, False  # an error that was written into the stream as if it were a reply
     lines: list[bytes] = []
     named_error = False
     for name, value in _fields(stripped):
@@ -262,5 +285,5 @@ def _without_usage(event: bytes, data: bytes, said: dict[str, Any]) -> bytes:
     if not said.get("choices"):
         return b""
     rest = to_json({name: value for name, value in said.items() if name != "usage"})
-    other = [line for line in _LINE_END.split(event) if line and not line.startswith(b"data:")]
+    other = [line for line in _LINE_END.split(event.strip(_AROUND)) if line and not line.startswith(b"data:")]
     return b"\n".join([*other, b"data: " + rest]) + b"\n\n"

@@ -11,8 +11,6 @@ import time
 from collections.abc import Mapping
 from typing import Any, Literal, NamedTuple
 
-from pydantic_core import from_json
-
 from services.vlm_gateway.errors import (
     CONTEXT_LENGTH,
     ModelError,
@@ -25,6 +23,7 @@ from services.vlm_gateway.errors import (
     ModelUnreachable,
 )
 from services.vlm_gateway.upstream.error_forms import CONTEXT, DECLINED, error_inside, status_inside
+from services.vlm_gateway.upstream.server_json import parsed
 
 Api = Literal["openai", "ollama", "other"]
 
@@ -83,7 +82,7 @@ class ReplyReader:
     def said(self, api: Api, body: bytes, headers: Mapping[bytes, bytes]) -> Said:
         """What a 200 holds. Raises ModelUnreachable where it is no chat completion, or the error it really is."""
         try:
-            reply = from_json(body, allow_inf_nan=False)
+            reply = parsed(body)
         except ValueError:
             kind = headers.get(b"content-type", b"no content type").decode("latin-1").split(";")[0][:60]
             raise self.unreachable(f"the reply is no JSON ({kind}, {len(body)} bytes)", "not_json") from None

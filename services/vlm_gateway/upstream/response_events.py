@@ -3,7 +3,6 @@
 from typing import Any
 
 from services.vlm_gateway.upstream.events import ChatReader, Kind
-from services.vlm_gateway.upstream.replies import tokens_of
 
 _CALLS = frozenset({"function_call", "custom_tool_call", "mcp_call", "local_shell_call"})
 _REASONS = {"max_output_tokens": "length", "content_filter": "content_filter"}
@@ -54,5 +53,4 @@ class ResponsesReader(ChatReader):
         details = response.get("incomplete_details")
         why = str(details.get("reason")) if isinstance(details, dict) else ""
         self.done, self.finish_reason = True, _REASONS.get(why, why) or "stop"
-        if isinstance(response.get("usage"), dict):
-            self.usage = tokens_of(response["usage"])
+        self._count(response.get("usage"))

@@ -6,7 +6,7 @@ event by event, as the server wrote them.
 """
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from services.vlm_gateway.errors import ModelError, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.upstream import health
@@ -16,6 +16,14 @@ from services.vlm_gateway.upstream.replies import ReplyReader, said_in
 
 LINGER_S = 1.0
 """How long the connection may stay open after [DONE]; what else comes by then is passed on."""
+
+
+_STREAM_TYPES = frozenset({b"text/event-stream", b"text/plain", b"application/octet-stream", b""})
+
+
+def may_be_stream(headers: Mapping[bytes, bytes]) -> bool:
+    """Whether a reply is to be read as one: many servers do not name the type, or write it their own way."""
+    return headers.get(b"content-type", b"").partition(b";")[0].strip().lower() in _STREAM_TYPES
 
 
 def late(alias: str, limit_s: float) -> ModelTimeout:
@@ -136,7 +144,7 @@ class ChatStream:
             error = self._replies.error(self.said.error, said_in(self._stream.headers))
             self._fail(error, "request" if isinstance(error, ModelUnreachable | ModelTimeout) else None)
             return
-        if not event.startswith(b":"):
+        if kind == "content" or (b"data" in event and not event.startswith(b":")):
             self._has_data = True
         if passed_on:
             self._ready.append(self._replies.masked(passed_on))

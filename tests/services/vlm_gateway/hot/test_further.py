@@ -82,6 +82,21 @@ def test_what_would_fetch_keep_or_multiply_is_refused(
     assert mock.asked == []
 
 
+@pytest.mark.parametrize(
+    ("route", "field"),
+    [("completions", "max_tokens"), ("responses", "max_output_tokens")],
+    ids=["completions", "responses"],
+)
+@pytest.mark.parametrize("length", [-(10**12), 10**30, "5", 5.0, True])
+def test_no_length_gives_room_in_a_budget(
+    serve: Serve, mock: OpenAiMock, route: str, field: str, length: object
+) -> None:
+    url = serve(build({"m": chat_backend(mock)}).app)
+    refused = post(url, f"/v1/{route}", {"model": "m", "prompt": "hi", "input": "hi", field: length})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (422, "invalid")
+    assert mock.asked == []
+
+
 def test_keys_and_fallbacks_are_those_of_chats(serve: Serve, mock: OpenAiMock) -> None:
     made = new_key()
     keys = Keys({"k": KeyConfig(sha256=made.sha256, models=("m", "other"))})
