@@ -214,9 +214,9 @@ class ServiceProtocol(HttpToolsProtocol):
     def _called_by_another_name(self) -> bool:
         """Whoever asks for health only, as platforms do, may call it anything."""
         hosts = self._all.hosts
-        if hosts is None or self.url.partition(b"?")[0] in _OPEN_PATHS:
+        if hosts is None:
             return False
-        return not all(hosts.allow(value.decode("latin-1")) for name, value in self.headers if name == b"host")
+        return not (hosts.are_named_in(self.headers) or self.url.partition(b"?")[0] in _OPEN_PATHS)
 
     # -- watching
 

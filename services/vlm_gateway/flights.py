@@ -16,9 +16,11 @@ class Landed(NamedTuple, Generic[T]):
 
 
 class _Flight(Generic[T]):
-    def __init__(self, call: Coroutine[Any, Any, T]) -> None:
+    __slots__ = ("passengers", "task")
+
+    def __init__(self, task: asyncio.Task[T]) -> None:
         self.passengers: set[asyncio.Future[T]] = set()
-        self.task = asyncio.get_running_loop().create_task(call)
+        self.task = task
 
 
 class Flights(Generic[T]):
@@ -39,10 +41,11 @@ class Flights(Generic[T]):
         """The result of `start()`, or of the call under way for the same key. Raises what that call raises."""
         flight = self._live.get(key)
         shared = flight is not None
+        loop = asyncio.get_running_loop()
         if flight is None:
-            flight = self._live[key] = _Flight(start())
+            flight = self._live[key] = _Flight(loop.create_task(start()))
             flight.task.add_done_callback(partial(self._landed, key, flight))
-        passenger: asyncio.Future[T] = asyncio.get_running_loop().create_future()
+        passenger: asyncio.Future[T] = loop.create_future()
         flight.passengers.add(passenger)
         try:
             return Landed(await passenger, shared)

@@ -53,10 +53,14 @@ class Bucket:
         """Negative where it is spent."""
         self.level += amount
 
-    def fill(self, now: float) -> float:
-        self.level = min(self.size, self.level + (now - self._at) * self._per_s)
+    def spend(self, amount: float, least: float, now: float) -> bool:
+        """Whether there was something in it, and `least` at least; then `amount` is spent."""
+        self.level = level = min(self.size, self.level + (now - self._at) * self._per_s)
         self._at = now
-        return self.level
+        if level <= 0.0 or level < least:
+            return False
+        self.level = level - amount
+        return True
 
     def wait_s(self, amount: float) -> float:
         """Until there is `amount` in it."""
@@ -109,16 +113,12 @@ class Key:
     def hold(self, tokens: int) -> None:
         """Room for so many in this minute's tokens. Raises OverBudget, with the time to wait; a call that is larger
         than what is left is let through where no other is under way."""
-        if self._tokens is not None:
-            level = self._tokens.fill(self._clock())
-            if level <= 0 or (level < tokens and self._held):
-                assert self.config is not None
-                what = (
-                    f"this key's {self.config.tokens_per_minute} tokens a minute are spent or held by calls under way"
-                )
-                wait_s = self._tokens.wait_s(max(0.0, min(tokens, self._tokens.size)))
-                raise OverBudget(what, code="tokens_spent", wait_s=wait_s, key=self.name)
-            self._tokens.add(-tokens)
+        least = tokens if self._held else 0
+        if self._tokens is not None and not self._tokens.spend(tokens, least, self._clock()):
+            assert self.config is not None
+            what = f"this key's {self.config.tokens_per_minute} tokens a minute are spent or held by calls under way"
+            wait_s = self._tokens.wait_s(max(0.0, min(tokens, self._tokens.size)))
+            raise OverBudget(what, code="tokens_spent", wait_s=wait_s, key=self.name)
         self._held += tokens
 
     def settle(self, held: int, used: int) -> None:
@@ -137,18 +137,15 @@ class Key:
         return self.models is None or alias in self.models
 
     def _check(self, config: KeyConfig) -> None:
-        now = self._clock()
         full = self.running >= config.concurrency if config.concurrency is not None else False
         if not self._places.take() if self._places is not None else full:
             what = f"this key has {config.concurrency} requests under way, which is all it may have at a time"
             raise OverBudget(what, code="too_many_at_once", wait_s=1.0, key=self.name)
-        if self._requests is not None:
-            if self._requests.fill(now) < 1.0:
-                if self._places is not None:
-                    self._places.give_back()
-                what = f"this key has made its {config.requests_per_minute} requests a minute"
-                raise OverBudget(what, code="rate_limited", wait_s=self._requests.wait_s(1.0), key=self.name)
-            self._requests.add(-1.0)
+        if self._requests is not None and not self._requests.spend(1.0, 1.0, self._clock()):
+            if self._places is not None:
+                self._places.give_back()
+            what = f"this key has made its {config.requests_per_minute} requests a minute"
+            raise OverBudget(what, code="rate_limited", wait_s=self._requests.wait_s(1.0), key=self.name)
 
 
 def _bucket(worker: Worker | None, name: str, per_minute: int, now: float) -> Bucket | SharedBucket:

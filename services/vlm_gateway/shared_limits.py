@@ -67,11 +67,11 @@ class SharedBucket:
         self._board = worker.board
         self._words = worker.board.words
         slot = worker.board.slot(name)
-        self._level, self._at = slot + COMMON, slot + COMMON + 1
+        self._level = slot + COMMON  # and behind it when that was
         with self._board.locked():
-            if not self._words[self._at]:  # the first of all workers to come fills it
+            if not self._words[self._level + 1]:  # the first of all workers to come fills it
                 self._words[self._level] = self.size
-                self._words[self._at] = now
+                self._words[self._level + 1] = now
 
     @property
     def level(self) -> float:
@@ -85,14 +85,15 @@ class SharedBucket:
         finally:
             self._board.unlock()
 
-    def fill(self, now: float) -> float:
-        words, level, at = self._words, self._level, self._at
+    def spend(self, amount: float, least: float, now: float) -> bool:
+        words, at = self._words, self._level
         self._board.lock()
         try:
-            filled = min(self.size, words[level] + max(0.0, now - words[at]) * self._per_s)
-            words[level] = filled
-            words[at] = now
-            return filled
+            level = min(self.size, words[at] + (now - words[at + 1]) * self._per_s)
+            spent = level > 0.0 and level >= least
+            words[at] = level - amount if spent else level
+            words[at + 1] = now
+            return spent
         finally:
             self._board.unlock()
 

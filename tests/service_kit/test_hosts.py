@@ -77,6 +77,14 @@ def test_its_own_names_are_served_and_health_has_any(url: str) -> None:
     assert httpx.get(f"{url}/metrics", headers={"Host": "evil.example"}).status_code == 421
 
 
+def test_a_connection_that_came_by_the_right_name_is_not_let_through_by_another(url: str) -> None:
+    for other in ("evil.example", ""):
+        with httpx.Client(base_url=url) as client:  # a refusal ends the connection
+            told = [client.post("/echo", headers={"host": host}).status_code for host in ("named.example", other)]
+        assert told == [200, 421]
+    assert httpx.post(f"{url}/echo", headers={"host": ""}).status_code == 421
+
+
 @pytest.mark.parametrize(
     ("service", "variable"), [("depth_assist", "DEPTH_ASSIST_TOKEN"), ("vlm_gateway", "GATEWAY_TOKEN")]
 )

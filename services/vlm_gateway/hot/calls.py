@@ -53,6 +53,8 @@ class ModelRequest(NamedTuple):
 
     def in_turn(self) -> Iterator[tuple[Upstream, Upstream | None]]:
         """Every target with the one that comes after it."""
+        if len(self.targets) == 1:
+            return iter(((self.targets[0], None),))
         return zip(self.targets, [*self.targets[1:], None], strict=True)
 
     def counts(self, target: Upstream) -> bool:
