@@ -73,13 +73,13 @@ async def test_the_orchestrator_is_not_ready_with_a_wrong_token_and_names_servic
 ) -> None:
     at = guarded.addresses
     environment = secrets | {f"{name.upper()}_URL": getattr(at, name) for name in FLIGHT_SERVICES}
-    wrong = {"SIM_TOKEN": "of-last-year", "DEPTH_ASSIST_TOKEN_FILE": "", "RUNS_DIR": str(tmp_path / "runs")}
+    wrong = {"SIM_TOKEN": "of-last-year", "DEPTH_ASSIST_TOKEN_FILE": "", "RUNS_DIR": str(tmp_path / "own")}
     url = serve(bootstrap(OrchestratorSettings.read(environment | wrong)))
     async with httpx.AsyncClient() as client:
         answer = await client.get(f"{url}/readyz")
     assert answer.status_code == 503
     checks = answer.json()["error"]["details"]["checks"]
-    assert {name for name, state in checks.items() if state == "ok"} == {"llm_parser", "vlm_gateway"}
+    assert {name for name, state in checks.items() if state == "ok"} == {"llm_parser", "vlm_gateway", "database"}
     assert checks["sim"].startswith("refuses the token of SIM_TOKEN")
     assert checks["depth_assist"].startswith("asks for a token; set DEPTH_ASSIST_TOKEN or DEPTH_ASSIST_TOKEN_FILE")
 
