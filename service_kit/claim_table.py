@@ -1,11 +1,15 @@
 """Names that one worker each has claimed, in memory that all workers share."""
 
 import mmap
+import time
 from collections.abc import Callable
 
 SETS = 1024
 WAYS = 8
 """A name has so many places where it may stand; with 64 claims at a time, no room comes once in 10^13 claims."""
+
+HUNG_AFTER_S = 3.0
+"""What a worker has claimed that said nothing for so long may be claimed by others."""
 
 
 class ClaimTable:
@@ -14,6 +18,7 @@ class ClaimTable:
     def __init__(self, lock: Callable[[], object], unlock: Callable[[], object]) -> None:
         words = memoryview(mmap.mmap(-1, 2 * 8 * SETS * WAYS)).cast("Q")
         self._names, self._owners = words[: SETS * WAYS], words[SETS * WAYS :]
+        self._alive_at = memoryview(mmap.mmap(-1, 8 * 256)).cast("d")
         self._lock, self._unlock = lock, unlock
 
     def claim(self, name: int, worker: int) -> bool:
@@ -23,14 +28,20 @@ class ClaimTable:
         self._lock()
         try:
             names = self._names[first : first + WAYS].tolist()
-            if name in names:
-                return self._owners[first + names.index(name)] == worker + 1
-            if 0 in names:
-                at = first + names.index(0)
-                self._names[at], self._owners[at] = name, worker + 1
+            if name not in names and 0 not in names:
+                return True
+            at = first + names.index(name if name in names else 0)
+            anothers = self._names[at] and self._owners[at] != worker + 1
+            if anothers and time.monotonic() - self._alive_at[self._owners[at] - 1] < HUNG_AFTER_S:
+                return False
+            self._names[at], self._owners[at] = name, worker + 1
             return True
         finally:
             self._unlock()
+
+    def alive(self, worker: int) -> None:
+        """To be said again and again by a worker that has something: it is at it still."""
+        self._alive_at[worker] = time.monotonic()
 
     def release(self, name: int, worker: int) -> None:
         """Where this worker has it."""

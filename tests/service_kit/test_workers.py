@@ -3,9 +3,12 @@
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable
 
-from service_kit.claim_table import SETS, WAYS
+import pytest
+
+from service_kit.claim_table import HUNG_AFTER_S, SETS, WAYS
 from service_kit.workers import COMMON, TOTAL, Board
 
 FORK = multiprocessing.get_context("fork")
@@ -54,6 +57,8 @@ def test_a_worker_that_dies_with_the_lock_in_its_hands_stops_nobody() -> None:
 
 def test_one_worker_has_a_claim_until_it_lets_go_or_dies() -> None:
     board = Board()
+    board.claims.alive(0)
+    board.claims.alive(1)
 
     def claim() -> None:
         os._exit(int(board.claims.claim(7, 1)))
@@ -70,8 +75,22 @@ def test_one_worker_has_a_claim_until_it_lets_go_or_dies() -> None:
     assert elsewhere(claim) == 1
 
 
+def test_a_worker_that_hangs_keeps_nobody_from_a_claim(monkeypatch: pytest.MonkeyPatch) -> None:
+    claims = Board().claims
+    claims.alive(1)
+    assert claims.claim(7, 1)
+    assert not claims.claim(7, 0)
+    now = time.monotonic()
+    monkeypatch.setattr("service_kit.claim_table.time.monotonic", lambda: now + HUNG_AFTER_S + 0.1)
+    assert claims.claim(7, 0)
+    claims.release(7, 1)  # it is not its any more
+    claims.alive(0)
+    assert not claims.claim(7, 1)
+
+
 def test_where_there_is_no_room_for_a_claim_nobody_is_kept_from_anything() -> None:
     board = Board()
+    board.claims.alive(0)
     alike = [1 + SETS * step for step in range(WAYS + 1)]
     assert all(board.claims.claim(name, 0) for name in alike)
     assert [board.claims.claim(name, 1) for name in alike] == [False] * WAYS + [True]
