@@ -17,6 +17,9 @@ from typing import NamedTuple, Protocol
 from service_kit.hosts import Hosts
 
 STOOD_STILL_S = 1.0
+MAX_FRAMING_BYTES = 64 * 1024
+FRAMING_A_BODY_BYTE = 8
+"""A body may come in chunks of one byte."""
 _FILES_FOR_OTHERS = 256
 """File descriptors left for connections to model servers, caches and files."""
 
@@ -39,6 +42,34 @@ def default_limits() -> ConnectionLimits:
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     files = 10_000 if soft == resource.RLIM_INFINITY else soft
     return ConnectionLimits(max_connections=max(16, min(10_000, files - _FILES_FOR_OTHERS)))
+
+
+class Framing:
+    """The bytes of a request that are not its body: its head, the sizes and extensions of chunks, trailers. Told of
+    what its parser says while it reads a piece of what came, and then of that piece."""
+
+    def __init__(self) -> None:
+        self._bytes = 0
+        self._body = 0
+        self._of_piece = 0
+        self._began = False
+
+    def begins(self) -> None:
+        self._bytes = self._body = self._of_piece = 0
+        self._began = True
+
+    def body_came(self, size: int) -> None:
+        self._of_piece += size
+
+    def too_much(self, size: int) -> bool:
+        """Whether it is, with this piece. The piece in which the request began may hold others before it."""
+        if self._began:
+            self._began = False
+        else:
+            self._bytes += size - self._of_piece
+        self._body += self._of_piece
+        self._of_piece = 0
+        return self._bytes > MAX_FRAMING_BYTES + FRAMING_A_BODY_BYTE * self._body
 
 
 class Held(Protocol):

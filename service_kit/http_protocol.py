@@ -21,7 +21,7 @@ from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
 from contracts.errors import ErrorBody, ErrorDetail
 from service_kit.auth import OPEN_PATHS
 from service_kit.errors import ServiceError
-from service_kit.http_limits import OpenConnections, unread_bytes
+from service_kit.http_limits import MAX_FRAMING_BYTES, Framing, OpenConnections, unread_bytes
 
 LEAST_BYTES_PER_S = 1024
 """A caller that takes less of an answer counts as one that has stopped reading."""
@@ -49,8 +49,8 @@ class ServiceProtocol(HttpToolsProtocol):
         self._writing: asyncio.TimerHandle | None = None
         self._unread = 0
         self._bodies: deque[int] = deque()  # bytes held of each request without an answer yet
-        self._dropped = 0
-        self._body_at = 0.0
+        self._framing = Framing()
+        self._dropped, self._body_at = 0, 0.0
 
     # -- what the transport tells
 
@@ -62,6 +62,7 @@ class ServiceProtocol(HttpToolsProtocol):
         self._watch("head")
 
     def data_received(self, data: bytes) -> None:
+        size = len(data)
         while True:
             try:
                 self.parser.feed_data(data)
@@ -75,6 +76,9 @@ class ServiceProtocol(HttpToolsProtocol):
                 self.break_off(400, "bad_request", "this is not a valid HTTP/1.1 request")
                 return
             break
+        if self._framing.too_much(size):
+            self.break_off(431, "head_too_large", f"a request's head may have {MAX_FRAMING_BYTES} bytes")
+            return
         stage = self._stage
         if stage == "none" and self._is_idle():
             stage = "head" if self.cycle is None else "idle"  # line breaks between requests: nothing has begun
@@ -104,6 +108,7 @@ class ServiceProtocol(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         self._stage = "head"
+        self._framing.begins()
         self._dropped = 0
         self._bodies.append(0)
         super().on_message_begin()
@@ -123,6 +128,7 @@ class ServiceProtocol(HttpToolsProtocol):
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
+        self._framing.body_came(len(body))
         if self._bodies:
             self._bodies[-1] += len(body)
             self._body_at = self.loop.time()

@@ -71,6 +71,12 @@ def build(settings: GatewaySettings, worker: Worker | None = None, *, environmen
     def reload() -> list[Backend]:
         nonlocal now
         new = configured(settings, environment, figures, worker, now)
+        if settings.gateway_config is not None and not settings.gateway_config.read_text().strip():
+            raise BadSetting(f"{settings.gateway_config} is empty: it may be just being written")
+        if now.keys.all and not new.keys.all:
+            raise BadSetting(
+                f"{settings.gateway_config} has no keys left, which would let everybody in: restart for that"
+            )
         gateway.adopt(new.backends, new.roles)
         accounts.adopt(new.prices)
         frontend.keys.adopt(new.keys)

@@ -152,6 +152,47 @@ def test_a_head_that_never_ends_is_not_waited_for(connected: Connect, serve: Ser
     assert 0.2 < time.monotonic() - began < 10
 
 
+@pytest.mark.parametrize(
+    "begun", [b"", b"transfer-encoding: chunked\r\n\r\n2\r\n{}\r\n0\r\n"], ids=["head", "trailers"]
+)
+def test_a_head_and_trailers_are_bounded(connected: Connect, url: str, begun: bytes) -> None:
+    line = connected(url)
+    line.sendall(b"POST /v1/echo HTTP/1.1\r\nhost: x\r\n" + begun)
+    with contextlib.suppress(ConnectionError):
+        for number in range(400):
+            line.sendall(b"x-%d: " % number + b"a" * 100_000 + b"\r\n")
+        pytest.fail("40 MB of head were taken")
+    assert httpx.get(url + "/healthz").status_code == 200
+
+
+def test_a_head_that_is_too_large_is_told_so(connected: Connect, url: str) -> None:
+    line = connected(url)
+    line.sendall(b"GET /healthz HTTP/1.1\r\nhost: x\r\n")
+    time.sleep(0.1)
+    line.sendall(b"cookie: " + b"a" * 66_000)
+    assert rest_of(line).startswith(b"HTTP/1.1 431 ")
+
+
+def test_extensions_of_chunks_are_bounded(connected: Connect, url: str) -> None:
+    line = connected(url)
+    line.sendall(b"POST /v1/echo HTTP/1.1\r\nhost: x\r\ntransfer-encoding: chunked\r\n\r\n")
+    with contextlib.suppress(ConnectionError):
+        for _ in range(100):
+            line.sendall(b"1;" + b"a" * 100_000 + b"\r\n \r\n")
+        pytest.fail("10 MB of extensions were taken")
+
+
+@pytest.mark.parametrize("bytes_a_piece", [7, 5_000])
+def test_a_body_in_chunks_of_one_byte_is_within_the_bound(connected: Connect, url: str, bytes_a_piece: int) -> None:
+    body = said("x" * 40_000)
+    head, _, _ = request(b"", chunked=True).partition(b"0\r\n\r\n")
+    sent = b"".join(b"1\r\n%c\r\n" % one for one in body) + b"0\r\n\r\n"
+    line = connected(url)
+    for at in range(0, len(head + sent), bytes_a_piece * 20):
+        line.sendall((head + sent)[at : at + bytes_a_piece * 20])
+    assert b"200 OK" in read_until(line, 1)
+
+
 def test_a_head_that_drips_after_an_answer_is_not_waited_for(connected: Connect, serve: Serve) -> None:
     line = connected(serve(echo_app(), ConnectionLimits(100, head_within_s=0.5)))
     line.sendall(request(said("one")))

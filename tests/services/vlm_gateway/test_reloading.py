@@ -100,6 +100,29 @@ def test_a_changed_file_is_read_by_itself_and_a_wrong_one_keeps_the_old(subject:
     assert subject.ask("old").status_code == 404
 
 
+def test_a_file_that_was_emptied_keeps_the_old_one(subject: Subject) -> None:
+    before = subject.configured()
+    subject.file.write_text("")
+    subject.reloaded_after(before)
+    assert "is empty" in subject.configured()["problem"]
+    assert subject.ask("old").status_code == 200
+    assert subject.ask("nobody").status_code == 401
+
+
+def test_no_changed_file_opens_a_gateway_with_keys(mock: OpenAiMock, tmp_path: Path) -> None:
+    file = tmp_path / "gateway.toml"
+    file.write_text(configuration(mock, "old", "operator") + "admin = true\n")
+    with service("services.vlm_gateway", {"GATEWAY_CONFIG": str(file), "CACHE_MODE": "off"}) as gateway:
+        subject = Subject(gateway, file)
+        before = subject.configured()
+        subject.says(mock)
+        os.kill(gateway.process.pid, signal.SIGHUP)
+        subject.reloaded_after(before)
+        assert "would let everybody in" in subject.configured()["problem"]
+        assert subject.ask("nobody").status_code == 401
+        assert subject.ask("old").status_code == 200
+
+
 def test_a_stream_of_a_model_that_is_taken_out_goes_on_to_its_end(subject: Subject, mock: OpenAiMock) -> None:
     mock.will(streams("one", "two", "three", "four", pause_s=1.0))
     body = {"model": "m", "messages": [{"role": "user", "content": "hi"}], "stream": True}
