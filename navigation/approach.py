@@ -7,6 +7,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from navigation import corner as corners
 from navigation import target as targets
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
@@ -41,6 +42,7 @@ class ApproachParameters(NamedTuple):
     aside_turns_deg: tuple[float, ...] = (0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
     aside_out_m: tuple[float, ...] = (3.0, 4.5, 6.0)
     target: targets.TargetParameters = targets.TargetParameters()
+    corner: corners.CornerParameters = corners.CornerParameters()
 
 
 class Approach(NamedTuple):
@@ -76,6 +78,7 @@ def plan_approach(
     views = (view, *others)
     points = np.concatenate([to_enu(cloud(v, nearest_of_blocks(v)), pose) for v in views])
     points = points[points[:, 2] > GROUND_M]  # the ground is no obstacle of a way above it
+    found = corners.at_nearest_wall(found, points, settings.corner)
     stop = stop_place(found, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)
@@ -98,15 +101,21 @@ def plan_approach(
 
 
 def stop_place(target: Target, points: Points, pose: Pose, settings: ApproachParameters) -> Place:
-    """Where the drone stops: in front of the thing along the facade's normal, clear of what juts out beside it.
+    """Where the drone stops: in front of the thing along the facade's normal, clear of what juts out beside it; in an
+    inner corner as far aside as keeps it nearer to the thing's own wall than to the other.
 
     points: (N, 3) ENU.
     """
     room = settings.drone_radius_m + settings.clearance_m
     z = min(max(pose.z, target.place.z - settings.height_slack_m), target.place.z + settings.height_slack_m)
-    level = target._replace(place=target.place._replace(z=z))
-    juts = targets.protrusion_m(points, level, room, settings.max_protrusion_m)
-    out = max(settings.stop_distance_m, juts + room + 0.05)
+
+    def room_m(thing: Target) -> float:
+        return targets.protrusion_m(points, thing, room, settings.max_protrusion_m) + room + 0.05
+
+    aside = corners.stop_beside_corner(target, points, z, settings.stop_distance_m, room_m, settings.corner)
+    if aside is not None:
+        return aside
+    out = max(settings.stop_distance_m, room_m(target._replace(place=target.place._replace(z=z))))
     return Place(target.place.x + target.normal[0] * out, target.place.y + target.normal[1] * out, z)
 
 
