@@ -51,6 +51,9 @@ def scaled_url(picture: ChatPicture, bounds: PictureBounds) -> str:
         pixels = None
     if pixels is None:
         raise BadQuestion(f"the {form} picture's data could not be decoded", code="bad_image")
+    if form != "jpeg" and pixels.shape[2:] != (4,) and _has_exif(data.tobytes()):
+        turned = cv2.imdecode(data, cv2.IMREAD_COLOR)  # what is read unchanged is not turned
+        pixels = pixels if turned is None else turned
     if pixels.dtype == np.uint16:
         pixels = (pixels // 256).astype(np.uint8)
     if pixels.ndim == 3 and pixels.shape[2] == 4:
@@ -65,6 +68,11 @@ def scaled_url(picture: ChatPicture, bounds: PictureBounds) -> str:
         if ok and encoded.nbytes <= bounds.max_bytes:
             return "data:image/jpeg;base64," + pybase64.b64encode(encoded.tobytes()).decode("ascii")
     raise BadQuestion(f"the picture can't be made smaller than the server's {bounds.max_bytes} bytes", code="bad_image")
+
+
+def _has_exif(data: bytes) -> bool:
+    """Whether a PNG or a WebP picture has such a chunk."""
+    return b"eXIf" in data or b"EXIF" in data
 
 
 def scale_to(width: int, height: int, max_pixels: int, max_side: int) -> float:

@@ -1,6 +1,7 @@
 """What clients send beside words, and what of it a model's server gets to see; over real HTTP to a mock server."""
 
 import base64
+import zlib
 from typing import Any
 
 import cv2
@@ -189,6 +190,17 @@ def test_a_picture_that_fits_is_passed_byte_for_byte_and_one_turned_by_its_camer
     whole = answered(serve, mock, body(shown(turned)))
     assert base64.b64encode(turned).decode() in whole["messages"][0]["content"][0]["image_url"]["url"]
     _, pixels = seen(answered(serve, mock, body(shown(turned)), preset="generic-vision", max_pixels=600))
+    assert pixels.shape[0] > pixels.shape[1]
+
+
+def test_a_png_that_was_turned_by_its_camera_stands_upright(serve: Serve, mock: OpenAiMock) -> None:
+    plain = photo(60, 40, ".png")
+    exif = b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"  # orientation 6: turned right
+    chunk = b"eXIf" + exif
+    chunk = len(exif).to_bytes(4, "big") + chunk + zlib.crc32(chunk).to_bytes(4, "big")
+    turned = plain[:33] + chunk + plain[33:]  # behind the signature and the header's chunk
+    asked = body(shown(turned, "image/png"))
+    _, pixels = seen(answered(serve, mock, asked, preset="generic-vision", max_pixels=600))
     assert pixels.shape[0] > pixels.shape[1]
 
 
