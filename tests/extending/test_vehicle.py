@@ -43,7 +43,7 @@ async def test_a_mission_flies_it_and_says_in_words_why_it_ends(running: Running
         mission = Mission(block_ports(BlockWorld()), placement, MissionSettings(), log)
         result = await mission.fly("Please come to floor 4, the window with the green flower pot")
         assert (await placement.vehicle.state()).mode == "landed"
-    assert (result.outcome, result.verdict) == ("floor_not_found", None)
-    assert "depth shows no facade" in result.message
+    assert (result.outcome, result.verdict) == ("no_building", None)
+    assert "no building stands about the drone" in result.message
     (placed,) = log.of("placed")
     assert (placed.data.vehicle, placed.data.vehicle_kind) == ("point", "point")
