@@ -46,12 +46,11 @@ def test_wrong_input_ends_with_code_2_and_says_what_was_wrong(arguments: list[st
     assert "Traceback" not in result.output
 
 
+@pytest.mark.slow  # half a minute of patience, twice
 def test_services_that_are_not_there_end_a_delivery_with_a_reason_and_code_1(tmp_path: Path) -> None:
     nowhere = ",".join(f"{n}=http://127.0.0.1:{p}" for n, p in free_ports(["llm_parser", "sim"]).items())
     result = RUNNER.invoke(
-        app,
-        ["deliver", "--sample", "green-flower-pot", "--services", nowhere, "--out", str(tmp_path), "--json"],
-        env={"SERVICE_PATIENCE_S": "0"},
+        app, ["deliver", "--sample", "green-flower-pot", "--services", nowhere, "--out", str(tmp_path), "--json"]
     )
     assert result.exit_code == 1
     assert json.loads(result.stdout)["outcome"] == "service_unreachable"

@@ -96,8 +96,13 @@ REFUSED = [
     ("a wild role", chat(messages=[{"role": "root", "content": "x"}]), "invalid"),
     (
         "a wild part",
-        chat(messages=[{"role": "user", "content": [{"type": "video_url", "video_url": "x"}]}]),
+        chat(messages=[{"role": "user", "content": [{"type": "hologram", "hologram": {"depth": 3}}]}]),
         "unknown_part",
+    ),
+    (
+        "an address in a wild part",
+        chat(messages=[{"role": "user", "content": [{"type": "video_url", "video_url": "x"}]}]),
+        "no_urls",
     ),
     ("a part of no kind", chat(messages=[{"role": "user", "content": [{"text": "x"}]}]), "invalid"),
     ("a hot temperature", chat(temperature=9), "invalid"),
