@@ -1,7 +1,6 @@
 """What deliveries' tables promise, over SQLite and PostgreSQL."""
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,16 +11,6 @@ from orchestrator.store.executors import ExecutorStore
 from orchestrator.store.tables import schema_version
 from orchestrator.store.vehicles import VehicleStore
 from service_kit.settings import BadSetting
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    url = f"sqlite:///{tmp_path / 'deliveries.sqlite'}"
-    if request.param == "postgresql":
-        url = request.getfixturevalue("postgres").database()
-    opened = Database(url)
-    yield opened
-    opened.close()
 
 
 @pytest.fixture

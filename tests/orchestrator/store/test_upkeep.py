@@ -1,7 +1,6 @@
 """Pages of the list, what is to be told, and what has to go, over SQLite and PostgreSQL."""
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,16 +13,6 @@ from orchestrator.store.upkeep import Page, UpkeepStore
 from tests.orchestrator.store.test_delivery_store import row
 
 NOW = time.time()
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def database(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Database]:
-    url = f"sqlite:///{tmp_path / 'deliveries.sqlite'}"
-    if request.param == "postgresql":
-        url = request.getfixturevalue("postgres").database()
-    opened = Database(url)
-    yield opened
-    opened.close()
 
 
 @pytest.fixture
