@@ -4,6 +4,7 @@ the truth. How the vehicle is flown is in `contracts.vehicle`; its base address 
     POST   /v1/episodes             Episode; EpisodeQuestion
     GET    /v1/episodes/{id}/trial  Episode
     POST   /v1/episodes/{id}/renew  Episode; a sign of life of whoever flies it, and nothing else
+    PUT    /v1/episodes/{id}/pose   PoseJudged; PoseReport: where somebody else's autopilot has flown the drone to
     POST   /v1/episodes/{id}/claim  Verdict; Claim
     POST   /v1/episodes/{id}/truth  Truth; TruthQuestion; only where it is switched on
     DELETE /v1/episodes?key=...     frees the episode that was begun, or is being begun, under a key; `owner=...` all
@@ -93,6 +94,23 @@ class Episode(Wire):
     lease_s: float
     expires_in_s: float
     vehicle: VehicleState
+
+
+class PoseReport(Wire):
+    """Where the drone is now, in the scene, when an autopilot outside flies it: looks are drawn from there, and a claim
+    is judged there. What lies on the straight way from the last pose is hit. `grounded`: it stands on the ground, or is
+    starting or landing, so that touching the ground is no collision."""
+
+    pose: Pose
+    grounded: bool = False
+
+
+class PoseJudged(Wire):
+    """`hit`: what lies on the way to the pose that was reported; null where nothing does. `collided` never goes back to
+    false."""
+
+    collided: bool
+    hit: str | None
 
 
 class Claim(Wire):

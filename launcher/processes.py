@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Self
 
-from service_kit.addresses import FLIGHT_SERVICES, PORTS, Addresses
+from service_kit.addresses import FLIGHT_SERVICES, PORTS, VEHICLE_PORTS, Addresses
 from service_kit.client import ServiceClient
 
 HOST = "127.0.0.1"
@@ -24,7 +24,9 @@ QUICK_DRAIN_S = 3
 the command has its own already, or was interrupted."""
 END_WITHIN_S = 5.0
 """Beyond the time for answers under way."""
-MODULES = {name: "orchestrator" if name == "orchestrator" else f"services.{name}" for name in PORTS}
+MODULES = {"orchestrator": "orchestrator"} | {
+    name: f"services.{name}" for name in PORTS | VEHICLE_PORTS if name != "orchestrator"
+}
 
 
 class CannotStart(Exception):

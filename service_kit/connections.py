@@ -16,6 +16,8 @@ TOKEN_VARIABLES = {
     "depth_assist": "DEPTH_ASSIST_TOKEN",
     "sim": "SIM_TOKEN",
     "orchestrator": "ORCHESTRATOR_TOKEN",
+    "mavlink_vehicle": "MAVLINK_VEHICLE_TOKEN",
+    "carla_world": "CARLA_WORLD_TOKEN",
 }
 """The variable that holds a service's token."""
 

@@ -10,7 +10,17 @@ from fastapi.responses import Response
 from prometheus_client import Gauge
 
 from contracts.base import Name
-from contracts.sim import Catalogue, Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
+from contracts.sim import (
+    Catalogue,
+    Claim,
+    Episode,
+    EpisodeQuestion,
+    PoseJudged,
+    PoseReport,
+    Truth,
+    TruthQuestion,
+    Verdict,
+)
 from contracts.vehicle import (
     Move,
     MoveProgress,
@@ -108,6 +118,11 @@ def build_app(
     async def renew_lease(episode_id: EpisodeId) -> Episode:
         """A sign of life. Looks, moves and the other calls that do something renew the lease as well."""
         return episodes.renew(episode_id)
+
+    @app.put("/v1/episodes/{episode_id}/pose", responses=error_answers(Conflict, NotFound))
+    async def report_pose(episode_id: EpisodeId, report: PoseReport) -> PoseJudged:
+        """Where an autopilot outside has flown the drone to: what it sees and hits there, it sees and hits here."""
+        return await episodes.put(episode_id, report)
 
     @app.post("/v1/episodes/{episode_id}/claim", responses=error_answers(Conflict, NotFound))
     async def claim_delivery(episode_id: EpisodeId, claim: Annotated[Claim, Body()] = NOTHING_NAMED) -> Verdict:

@@ -4,6 +4,7 @@ A flight is begun, which plans it to its end, and then advanced over its own tim
 broken off at any moment. Metres, ENU; the world outside is told poses as the drone's odometry believes them.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
@@ -14,7 +15,7 @@ from services.sim.dynamic_flight import DynamicFlight, Pilot
 from services.sim.kinematics import Vector, wrapped
 from services.sim.odometry import Odometry, Way
 from services.sim.trajectory import Flown, Trajectory, plan
-from services.sim.world import World
+from services.sim.world import GROUND, World
 
 Doing = Literal["taking_off", "moving", "returning", "landing"]
 OVER_THE_ROOFS_M = 3.0
@@ -96,6 +97,18 @@ class Drone:
     def believed(self, pose: Pose) -> Pose:
         """A pose of this flight as the drone's odometry has it."""
         return self._odometry.believed(pose, _way(self._now) if self._now is not None else Way())
+
+    def put(self, pose: Pose, *, grounded: bool) -> str | None:
+        """Somebody else has flown it straight to `pose`, through whatever is on that way; says what is. The ground is
+        not hit by a drone that is `grounded`."""
+        here, there = _vector(self._pose), _vector(pose)
+        hit = self._world.sweep(here, there).hit or self._world.touching(there)
+        hit = None if grounded and hit == GROUND else hit
+        self._hit = self._hit or hit
+        self._pose = pose
+        self._path_m += math.dist(here, there)
+        self._path_horizontal_m += math.dist(here[:2], there[:2])
+        return hit
 
     def jump(self, east_m: float) -> None:
         """What it believes of its position leaps; where it is does not."""
@@ -227,5 +240,5 @@ def _way(flown: Flown) -> Way:
     return Way(flown.path_m, flown.path_horizontal_m, flown.flight_s)
 
 
-def _vector(place: Point3) -> Vector:
+def _vector(place: Point3 | Pose) -> Vector:
     return place.x, place.y, place.z

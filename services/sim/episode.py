@@ -1,11 +1,12 @@
 """One trial: a drone in a scene, from its start to its claim. State and rules, without clocks, threads or pictures."""
 
+import math
 from typing import Literal, NamedTuple
 
 from contracts.cameras import Rig
 from contracts.geometry import Pose
 from contracts.sensor_profiles import FaultKind
-from contracts.sim import Claim, Episode, EpisodeQuestion, Renderer, Verdict
+from contracts.sim import Claim, Episode, EpisodeQuestion, PoseJudged, PoseReport, Renderer, Verdict
 from contracts.vehicle import Move, MoveProgress, MoveResult, VehicleCapabilities, VehicleState
 from service_kit.errors import Conflict, NotFound
 from services.sim.drone import Drone
@@ -17,6 +18,9 @@ from services.sim.odometry import Odometry
 from services.sim.scenes import ReadyScene, check_start
 from services.sim.trajectory import Flown
 from services.sim.world import World
+
+SAME_STOP_M, SAME_STOP_RAD = 0.5, math.radians(10.0)
+"""So far an autopilot outside lets the drone wander at a stop."""
 
 
 class _Numbered(NamedTuple):
@@ -45,6 +49,7 @@ class LiveEpisode:
         self.observations = 0
         self.steps = 0
         self._looked_at: Pose | None = None
+        self._flown_outside = False
         self._renderer: Renderer = renderer
         self._renderer_detail = renderer_detail
         self._moves = 0
@@ -107,8 +112,16 @@ class LiveEpisode:
     def looked(self, number: int, pose: Pose) -> None:
         """Look `number` was taken at this true pose. Looks at one pose are one stop."""
         self.observations = number
-        self.steps += pose != self._looked_at
-        self._looked_at = pose
+        if self._looked_at is None or self._elsewhere(self._looked_at, pose):
+            self.steps += 1
+            self._looked_at = pose
+
+    def _elsewhere(self, a: Pose, b: Pose) -> bool:
+        """Another stop. A drone that an autopilot outside flies never stands quite still."""
+        if not self._flown_outside:
+            return a != b
+        gap_m = math.dist((a.x, a.y, a.z), (b.x, b.y, b.z))
+        return gap_m > SAME_STOP_M or abs(wrapped(a.yaw - b.yaw)) > SAME_STOP_RAD
 
     def has(self, fault: FaultKind, look: int) -> bool:
         """Whether that fault was asked for at that look."""
@@ -216,6 +229,15 @@ class LiveEpisode:
             return MoveProgress(number=number, state="flying", pose=self.state().pose, share=self.drone.share)
         state: Literal["done", "cancelled"] = "cancelled" if result.cancelled else "done"
         return MoveProgress(number=number, state=state, pose=result.pose, share=numbered.share)
+
+    def put(self, report: PoseReport) -> PoseJudged:
+        """The drone is where an autopilot outside has flown it to. Raises Conflict on its way, and after the claim."""
+        self._must_stand("a pose from outside")
+        if self._verdict is not None:
+            raise Conflict("a claim has ended this episode; the drone stays where it is", code="episode_claimed")
+        hit = self.drone.put(report.pose, grounded=report.grounded)
+        self._flown_outside = True
+        return PoseJudged(collided=self.drone.collided, hit=hit)
 
     def claim(self, claim: Claim) -> Verdict:
         """Judges and ends the episode; only the first claim counts, later ones get its verdict again. Raises Conflict

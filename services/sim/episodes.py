@@ -15,7 +15,16 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from typing import TypeVar
 
-from contracts.sim import Claim, Episode, EpisodeQuestion, Truth, TruthQuestion, Verdict
+from contracts.sim import (
+    Claim,
+    Episode,
+    EpisodeQuestion,
+    PoseJudged,
+    PoseReport,
+    Truth,
+    TruthQuestion,
+    Verdict,
+)
 from contracts.vehicle import (
     Move,
     MoveProgress,
@@ -169,6 +178,11 @@ class Episodes:
         """Stops on the way first. Raises NotFound."""
         await self.hold(episode_id)
         return await self._flown(episode_id, LiveEpisode.land)
+
+    async def put(self, episode_id: str, report: PoseReport) -> PoseJudged:
+        """Raises NotFound, and Conflict on its way and after the claim."""
+        async with self._turn(episode_id) as live:
+            return await self._work(live.episode.put, report)
 
     async def claim(self, episode_id: str, claim: Claim) -> Verdict:
         """Raises NotFound, and Conflict while the drone is on its way."""
