@@ -32,10 +32,11 @@ from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import stop_without_models
 from command_line.subtask import ask_alone
 from contracts.cameras import DEFAULT_RIG
+from evaluation.bench.episode_keeping import Kept
 from evaluation.bench.folder import BadFolder, RunFolder
 from evaluation.bench.run import CannotRun, Run
 from evaluation.bench.run_settings import RunSettings
-from evaluation.bench.worker import Job, Kept
+from evaluation.bench.worker import Job
 from evaluation.metrics.summary import Summary
 from evaluation.sim_client import SimulatorFault
 from evaluation.subtasks.figures import Subtask
@@ -88,6 +89,10 @@ def bench(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run's folder; one that was begun is completed.")] = None,
     pictures: Annotated[Kept, typer.Option(help="Whose pictures to keep.")] = "none",
+    trajectories: Annotated[
+        bool,
+        typer.Option("--trajectories", help="Keep all pictures, depth and moves, for `logisticsvln export`."),
+    ] = False,
     cache: Annotated[
         Literal["on", "off", "replay"] | None,
         typer.Option(help="Answers of models.", show_default="off for embedded and oracle, else on"),
@@ -192,7 +197,8 @@ def bench(
         backend=backend,
         environment=cores,
         gateway=gateway,
-        pictures=pictures,
+        pictures="all" if trajectories else pictures,
+        trajectories=trajectories,
         episode_s=episode_s,
     )
     with folder:

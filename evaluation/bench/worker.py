@@ -13,15 +13,15 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 from uuid import uuid4, uuid5
 
 from pydantic import Field
 
 from contracts.base import ModelName, Wire
-from contracts.event_data import EventData
-from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings, Phase
+from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
+from evaluation.bench.episode_keeping import EpisodeKeeping, Kept
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -30,7 +30,8 @@ from launcher.processes import CannotStart, Child, Processes, free_ports
 from mission.clients import Services
 from mission.mission import Mission
 from mission.placement import InTrial, trial_question
-from mission.record import Log, Pictures, Record, now
+from mission.ports import ServiceUnreachable
+from mission.record import now
 from mission.vehicle import Trial, Vehicle
 from service_kit.addresses import FLIGHT_SERVICES
 from service_kit.connections import Connections
@@ -43,12 +44,10 @@ _GLANCE_S = 0.02
 LEASE_S = "86400"
 """An episode that was opened ahead waits for its turn, however long the one before it takes."""
 
-Kept = Literal["none", "failures", "all"]
-"""Whose pictures a run keeps."""
-
 
 class Job(Wire):
-    """What a worker is told first. `environment` goes to the services on top of its own, `sim` and `gateway` to one."""
+    """What a worker is told first. `environment` goes to the services on top of its own, `sim` and `gateway` to one.
+    `trajectories`: where an episode's pictures are kept, keep depth and moves too: all that every look saw."""
 
     folder: str
     logs: str
@@ -58,6 +57,7 @@ class Job(Wire):
     sim: dict[str, str] = {}
     gateway: dict[str, str] = {}
     pictures: Kept = "none"
+    trajectories: bool = False
     episode_s: float = Field(default=900.0, gt=0.0)
 
 
@@ -66,13 +66,6 @@ class Order(Wire):
 
     task: Task
     upcoming: Task | None = None
-
-
-class Unwritten:
-    """A log for runs that keep nothing but results."""
-
-    def write(self, number: int, phase: Phase, message: str, data: EventData, pictures: Pictures | None = None) -> None:
-        """Forgets it."""
 
 
 class Group(Protocol):
@@ -165,7 +158,7 @@ class Worker:
         started, began = now(), time.perf_counter()
         result: DeliveryResult | None = None
         error: str | None = None
-        cannot_start = False
+        infrastructure = False
         folder = self._record_folder(task)
         try:
             if self._services is None or self._group is None or self._group.ended() is not None:
@@ -178,10 +171,12 @@ class Worker:
                 error = f"the episode took longer than {self._job.episode_s:g} s"
                 await self.start()
         except CannotStart as cause:
-            error, cannot_start = f"the services could not be started: {cause}", True
+            error, infrastructure = f"the services could not be started: {cause}", True
+        except ServiceUnreachable as cause:
+            error, infrastructure = str(cause), True
         except Exception as cause:
             error = f"{type(cause).__name__}: {cause}"
-        reason = "unreachable" if cannot_start else reason_of(task, result)
+        reason = "unreachable" if infrastructure else reason_of(task, result)
         if error is None and self._group is not None:
             ended = await who_ended(self._group, DYING_S if reason == "unreachable" else 0.0)
             if ended is not None:
@@ -207,14 +202,14 @@ class Worker:
     async def _flown(
         self, services: Services, order: Order, folder: Path | None, gone: asyncio.Event
     ) -> DeliveryResult | None:
-        """Null where it took too long, or `gone` was set."""
+        """Null where it took too long, or `gone` was set. Raises ServiceUnreachable where the disk takes no more."""
         task, settings = order.task, self._settings(order.task)
-        record = self._record(task, settings, folder) if folder is not None else None
-        log: Log = record or Unwritten()
-        try:
+        with EpisodeKeeping(
+            folder, _delivery(task, folder), self._asked(task, settings), trajectory=self._job.trajectories
+        ) as kept:
             simulated = services.simulated()
             placement = self._placement(simulated.trial, order, services.trial())
-            mission = Mission(simulated.ports, placement, settings, log)
+            mission = Mission(simulated.ports, kept.placement(placement), settings, kept.log)
             flight = asyncio.create_task(mission.fly(task.request, self._key(task)))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
@@ -226,13 +221,8 @@ class Worker:
                 await asyncio.wait({flight}, timeout=END_S)
                 return None
             result = flight.result()
-            if record is not None:
-                record.conclude(result)
-                record.announce(result)
+            kept.conclude(result)
             return result
-        finally:
-            if record is not None:
-                record.close()
 
     def _key(self, task: Task) -> str:
         """Of the task's trial in these services."""
@@ -259,24 +249,22 @@ class Worker:
     def _record_folder(self, task: Task) -> Path | None:
         if self._job.pictures == "none":
             return None
-        folder = Path(self._job.folder) / "episodes" / task.id
-        shutil.rmtree(folder, ignore_errors=True)  # what a killed session left of it
-        return folder
+        return Path(self._job.folder) / "episodes" / task.id
 
-    def _record(self, task: Task, settings: MissionSettings, folder: Path) -> Record:
-        question = DeliveryQuestion(
-            request=task.request, scene=task.scene, backend=self._job.backend, settings=settings
-        )
-        delivery = Delivery(
-            id=task.id,
-            status="waiting",
-            phase="parse",
-            request=task.request,
-            scene=task.scene.name,
-            created=now(),
-            folder=str(folder),
-        )
-        return Record(folder, delivery, question)
+    def _asked(self, task: Task, settings: MissionSettings) -> DeliveryQuestion:
+        return DeliveryQuestion(request=task.request, scene=task.scene, backend=self._job.backend, settings=settings)
+
+
+def _delivery(task: Task, folder: Path | None) -> Delivery:
+    return Delivery(
+        id=task.id,
+        status="waiting",
+        phase="parse",
+        request=task.request,
+        scene=task.scene.name,
+        created=now(),
+        folder=None if folder is None else str(folder),
+    )
 
 
 def main() -> int:

@@ -3,6 +3,9 @@
 import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 from uuid import uuid4
 
@@ -13,9 +16,11 @@ from contracts.geometry import Point3
 from contracts.scene import Scene
 from contracts.sim import EpisodeQuestion, Flight
 from mission.ports import ServiceRefused
+from mission.trajectory import TrajectoryWriter
 from mission.vehicle import Trial
 from mission.vehicles.agreement import CHECKS, Candidate, Check
 from mission.vehicles.http_vehicle import HttpVehicle
+from mission.vehicles.recorded import RecordedVehicle
 from mission.vehicles.simulator_trial import SimulatorTrial
 from service_kit.client import ServiceClient
 from services.sim.app import build_app
@@ -88,10 +93,18 @@ async def block_vehicle(simulator: str) -> AsyncIterator[Candidate]:
         yield Candidate(await begun(judged), WAY, near_m=0.12)
 
 
+@asynccontextmanager
+async def recorded_vehicle(simulator: str) -> AsyncIterator[Candidate]:
+    async with block_vehicle(simulator) as candidate:
+        with TemporaryDirectory() as folder, TrajectoryWriter(Path(folder) / "trajectory") as trajectory:
+            yield replace(candidate, vehicle=RecordedVehicle(candidate.vehicle, trajectory))
+
+
 VEHICLES: dict[str, Callable[[str], AbstractAsyncContextManager[Candidate]]] = {
     "simulator": simulated_vehicle,
     "any address": vehicle_at_its_own_address,
     "block world": block_vehicle,
+    "recorded": recorded_vehicle,
 }
 
 
