@@ -6,8 +6,9 @@ a stereo camera says "invalid" for both, and for it the sky, and all that lies b
 ever. So where the sky of a moment's views is invalid, not no return, the invalid pixels that are open upwards, from the
 picture's upper edge down to the first return, broad and in a picture that measures something, count as no return: free
 as far as the farthest returns show that the sensor reaches. Holes amid returns, narrow stripes and pictures without
-returns stay unknown, and so do specks of returns in the air, a stereo camera's mismatches. REP 117 (ROS) draws the same
-line between out of range and invalid.
+returns stay unknown, and so do specks of returns in the air, a stereo camera's mismatches. So does what lies above a
+straight cut through things at different distances: there the frame failed, it is not the sky. REP 117 (ROS) draws the
+same line between out of range and invalid.
 """
 
 import math
@@ -29,6 +30,11 @@ _MEASURING_SHARE = 0.01
 """A picture with fewer returns than this share of its pixels says nothing of the rest."""
 _NARROW_SHARE = 0.1
 """An opening narrower than this share of the picture's width may be a stripe that was not measured."""
+_CUT_SHARE = 0.95
+"""Of the columns with an opening, so many end in the same row where a frame was cut."""
+_CUT_THROUGH_SHARE = 0.05
+_CUT_DEPTH_SHARE = 0.1
+"""A cut goes through things: so many of its columns differ by so much from the usual distance along it."""
 _REACH_PERCENTILE = 99.0
 _SPECK_PX = 3
 _SPECK_SIZE_PX = 16
@@ -51,7 +57,7 @@ def read_views(
         return [_within_range(view, sensor_range_m) for view in views]
     views = [_without_specks(view) for view in views]
     cut = [_within_range(view, sensor_range_m) for view in views]
-    opened = [open_upwards(np.isnan(view.depth_m)) for view in views]
+    opened = uncut([open_upwards(np.isnan(view.depth_m)) for view in views], [view.depth_m for view in views])
     if _tells_no_return([np.isinf(view.depth_m) for view in views], opened):
         return cut
     reach_m = min(sensor_range_m, max(shown_m, shown_reach_m(views)))
@@ -86,11 +92,45 @@ def open_upwards(invalid: Bools) -> Bools:
     return out
 
 
+def uncut(opened: Sequence[Bools], depths: Sequence[NDArray[np.floating] | NDArray[np.uint16]]) -> list[Bools]:
+    """The openings (H, W) of one moment's pictures, without those that end in a straight cut through things at
+    different distances: a frame of which only the lower part arrived. The sky ends in a level line only over what is
+    equally far. `depths`: the pictures, in any unit, their invalid pixels 0 or nan."""
+    edges = [np.where(mask.any(axis=0), len(mask) - np.argmax(mask[::-1], axis=0), 0) for mask in opened]
+    kept = list(opened)
+    for height in {len(mask) for mask in opened}:
+        same = [number for number, mask in enumerate(opened) if len(mask) == height]
+        ends = np.concatenate([edges[number] for number in same])
+        rows = ends[(ends > 0) & (ends < height)]
+        if not len(rows):
+            continue
+        cut = int(np.bincount(rows).argmax())
+        straight = [number for number in same if _share_at(edges[number], cut) >= _CUT_SHARE]
+        along = [depths[number][cut, edges[number] == cut].astype(np.float64) for number in straight]
+        if straight and _differ(np.concatenate(along)):
+            for number in straight:
+                kept[number] = np.zeros_like(opened[number])
+    return kept
+
+
+def _share_at(edges: NDArray[np.intp], row: int) -> float:
+    """Of the columns with an opening, those that end in this row."""
+    return float((edges == row).sum() / max(1, (edges > 0).sum()))
+
+
+def _differ(depth: NDArray[np.float64]) -> bool:
+    depth = depth[np.isfinite(depth) & (depth > 0)]
+    if not len(depth):
+        return False
+    usual = float(np.median(depth))
+    return bool(np.mean(np.abs(depth - usual) > _CUT_DEPTH_SHARE * usual) >= _CUT_THROUGH_SHARE)
+
+
 def read_units(pictures: Sequence[NDArray[np.uint16]]) -> list[NDArray[np.uint16]]:
     """The same rule for depth as it crosses the wire, (H, W) with 0 invalid and 65535 no return, of one moment."""
     if not any(bool((units == INVALID).any()) for units in pictures):
         return list(pictures)
-    opened = [open_upwards(units == INVALID) for units in pictures]
+    opened = uncut([open_upwards(units == INVALID) for units in pictures], pictures)
     if _tells_no_return([units == NO_RETURN for units in pictures], opened):
         return list(pictures)
     return [np.where(mask, np.uint16(NO_RETURN), units) for mask, units in zip(opened, pictures, strict=True)]

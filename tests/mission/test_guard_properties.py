@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from contracts.cameras import Camera
@@ -107,6 +107,16 @@ async def _fly(house: Block, limits: FlightLimits, plans: list, faults: list[str
         assert z <= max(home.z, min(limits.max_height_m, max(house.top, home.z) + limits.roof_margin_m)) + 1e-6
 
 
+CUT = (
+    Block(x0=-3.0, x1=3.0, y0=-6.0, y1=2.0, floors=1, start=Pose(x=0.0, y=-10.0, z=1.0, yaw=0.0)),
+    FlightLimits(geofence_m=5.0, min_height_m=1.0, max_height_m=2.0, roof_margin_m=1.0, min_clearance_m=1.0),
+    [([(5.0 * math.cos(1.0), 5.0 * math.sin(1.0), 0.0)], 0.0)],
+    ["half"],
+)
+"""Of every frame only the lower part arrives; a wall's foot is all that is seen of a house."""
+
+
+@example(*CUT)
 @settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
 @given(HOUSES, LIMITS, PLANS, st.lists(FAULTS, min_size=1, max_size=5))
 def test_no_plan_leaves_the_limits_or_hits_what_was_visible(

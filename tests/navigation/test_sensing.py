@@ -127,3 +127,36 @@ def test_returns_are_never_read_as_free(values: list[float], sensor_range_m: flo
     near = np.isfinite(depth) & (depth <= sensor_range_m) & (depth >= 0.2)
     assert np.array_equal(read.depth_m[near], depth[near])
     assert not (np.isfinite(read.depth_m) & ~np.isfinite(depth)).any()
+
+
+def _cut_frame(wall_m: float) -> DepthView:
+    """A low drone's picture without its upper part: ground below the cut, a wall's foot in the middle."""
+    depth = np.full((SIZE, SIZE), np.nan, np.float32)
+    rows = np.arange(SIZE // 2 + 7, SIZE)
+    ground = 1.0 * (SIZE / 2) / (rows + 0.5 - SIZE / 2)
+    depth[rows] = ground[:, None]
+    depth[rows, 10:70] = np.minimum(ground, wall_m)[:, None]
+    return DepthView(pinhole(SIZE, SIZE, 90.0), depth)
+
+
+def test_above_a_cut_through_things_at_different_distances_nothing_is_free() -> None:
+    (view,) = read_views([_cut_frame(4.0)])
+    assert np.isnan(view.depth_m[: SIZE // 2]).all()
+
+
+def test_one_wall_in_a_moment_shows_that_all_its_frames_are_cut_alike() -> None:
+    wall, ground = read_views([_cut_frame(4.0), _cut_frame(np.inf)])
+    assert np.isnan(wall.depth_m[: SIZE // 2]).all()
+    assert np.isnan(ground.depth_m[: SIZE // 2]).all()
+
+
+def test_the_sky_over_level_ground_stays_free() -> None:
+    (view,) = read_views([_cut_frame(np.inf)])
+    assert np.isinf(view.depth_m[: SIZE // 2]).all()
+
+
+def test_a_cut_is_seen_in_units_of_the_wire_as_well() -> None:
+    depth = _cut_frame(4.0).depth_m
+    units = np.nan_to_num(depth / 0.005, nan=0.0).astype(np.uint16)
+    (read,) = read_units([units])
+    assert (read[: SIZE // 2] == 0).all()
