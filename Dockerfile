@@ -13,6 +13,7 @@ RUN uv sync --quiet --frozen --no-dev --no-install-project --extra ${extra}
 COPY contracts contracts
 COPY navigation navigation
 COPY service_kit service_kit
+COPY episode_kit episode_kit
 COPY services services
 COPY mission mission
 COPY orchestrator orchestrator

@@ -54,13 +54,20 @@ class Flight(Wire):
     pace: float = Field(default=0.0, ge=0.0, le=100.0)
 
 
-class EpisodeQuestion(Wire):
+class EpisodeTerms(Wire):
+    """Under which name, for whom and for how long an episode is held, in whatever world. `key`: the caller's own name
+    for it; the same key and question again is the same episode, so that asking twice begins nothing twice. `owner`: for
+    whom it is begun; a world may bound how many episodes one has. Whoever knows key or owner can end it: choose names
+    that nobody guesses. `lease_s`: seconds without a call until it is ended; the world's usual ones without it."""
+
+    key: Name | None = None
+    owner: Name | None = None
+    lease_s: float | None = Field(default=None, ge=1.0, le=MAX_LEASE_S)
+
+
+class EpisodeQuestion(EpisodeTerms):
     """A drone with these cameras and sensors at the start of a scene. `sensors`: a profile, or a shipped one's name;
-    null: as the scene says. `seed`: of their chance, beside the scene's own. `faults`: for tests. `key`: the caller's
-    own name for it; the same key and question again is the same episode, so that asking twice begins nothing twice.
-    `owner`: for whom it is begun; a simulator may bound how many episodes one has. Whoever knows key or owner can end
-    it: choose names that nobody guesses. `lease_s`: seconds without a call until it is ended; the simulator's usual
-    ones without it."""
+    null: as the scene says. `seed`: of their chance, beside the scene's own. `faults`: for tests."""
 
     scene: Scene
     flight: Flight = Flight()
@@ -68,9 +75,6 @@ class EpisodeQuestion(Wire):
     sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
-    key: Name | None = None
-    owner: Name | None = None
-    lease_s: float | None = Field(default=None, ge=1.0, le=MAX_LEASE_S)
 
     @property
     def sensors_flown(self) -> Sensors:

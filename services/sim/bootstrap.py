@@ -6,6 +6,7 @@ from threading import Lock, Thread
 from fastapi import FastAPI
 
 from contracts.scene import Scene
+from episode_kit.limits import Limits
 from service_kit.settings import BadSetting, revealed
 from services.sim.app import build_app
 from services.sim.catalogue import build, poster_layers
@@ -13,7 +14,6 @@ from services.sim.catalogue.extension import catalogue_with_extensions
 from services.sim.episodes import Episodes
 from services.sim.geometry.scene_mesh import SceneMesh, build_scene_mesh
 from services.sim.geometry.textures import TextureSet, base_textures
-from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.gl import NoGlContext
 from services.sim.render.thread import RenderThread

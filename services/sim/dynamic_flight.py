@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from contracts.geometry import Pose
 from contracts.scene import Wind
 from contracts.sim import Flight
-from services.sim.kinematics import Vector, wrapped
+from episode_kit.kinematics import Vector, wrapped
+from episode_kit.trajectory import Flown, Sweep, Sweeper, Trajectory, plan
 from services.sim.quadrotor import Body, BodyState, Reference, Target, at_rest, body
-from services.sim.trajectory import Flown, Sweeper, Trajectory, plan
 from services.sim.wind import DT_S, Gusts, mean_wind
-from services.sim.world import Sweep
 
 STEPS_A_SAMPLE = 10
 SETTLE_MAX_S = 6.0
@@ -46,7 +45,7 @@ class _Open:
 
 
 class DynamicFlight:
-    """Has what `services.sim.trajectory.Trajectory` has."""
+    """Has what `episode_kit.trajectory.Trajectory` has."""
 
     def __init__(self, samples: list[_Sample], hit: str | None, brake: Callable[[_Sample], "DynamicFlight"]) -> None:
         self._samples = samples

@@ -1,61 +1,40 @@
-"""One trial: a drone in a scene, from its start to its claim. State and rules, without clocks, threads or pictures."""
+"""A trial in the simulator's own world: its scene, its sensors and faults, and its judge."""
 
 import math
-from typing import Literal, NamedTuple
 
-from contracts.cameras import Rig
 from contracts.geometry import Pose
 from contracts.sensor_profiles import FaultKind
-from contracts.sim import Claim, Episode, EpisodeQuestion, PoseJudged, PoseReport, Renderer, Verdict
-from contracts.vehicle import Move, MoveProgress, MoveResult, VehicleCapabilities, VehicleState
-from service_kit.errors import Conflict, NotFound
-from services.sim.drone import Drone
+from contracts.sim import EpisodeQuestion, PoseJudged, PoseReport, Renderer, Verdict
+from contracts.vehicle import VehicleState
+from episode_kit.drone import Drone
+from episode_kit.episode import About, FlyingEpisode
+from episode_kit.kinematics import Vector, wrapped
+from episode_kit.odometry import Odometry
+from episode_kit.trajectory import KinematicPlanner, Planner
+from service_kit.errors import Conflict
 from services.sim.dynamic_flight import Pilot
 from services.sim.judge import judge
-from services.sim.kinematics import wrapped
-from services.sim.lease import Lease
-from services.sim.odometry import Odometry
 from services.sim.scenes import ReadyScene, check_start
-from services.sim.trajectory import Flown
-from services.sim.world import World
+from services.sim.world import GROUND, World
 
 SAME_STOP_M, SAME_STOP_RAD = 0.5, math.radians(10.0)
 """So far an autopilot outside lets the drone wander at a stop."""
 
 
-class _Numbered(NamedTuple):
-    """The last numbered move, and what came of it; null while it is flown. `move` is null for a number that was
-    cancelled before anybody sent its move. `share`: how much of it was flown."""
-
-    move: Move | None
-    result: MoveResult | None
-    share: float = 0.0
-
-
-class LiveEpisode:
-    """Not thread-safe: one call at a time; only `advance` and what tells without changing may come meanwhile."""
+class LiveEpisode(FlyingEpisode):
+    """A drone in a world of its own. Call `close` when done."""
 
     def __init__(
         self, episode_id: str, ready: ReadyScene, question: EpisodeQuestion, renderer: Renderer, renderer_detail: str
     ) -> None:
         """Raises BadQuestion for a start that is not in the open air."""
-        self.id = episode_id
         self.ready = ready
-        self.rig: Rig = question.rig
-        self.flight = question.flight
         self.sensors = question.sensors_flown
         self.faults = question.faults
-        self.seeds = (ready.scene.seed, question.seed)
-        self.observations = 0
-        self.steps = 0
-        self._looked_at: Pose | None = None
         self._flown_outside = False
-        self._renderer: Renderer = renderer
-        self._renderer_detail = renderer_detail
-        self._moves = 0
-        self._last: _Numbered | None = None
-        self._verdict: Verdict | None = None
-        self._world = World(ready.blueprint, self.flight.radius_m)
+        self.seeds = (ready.scene.seed, question.seed)
+        flight = question.flight
+        self._world = World(ready.blueprint, flight.radius_m)
         try:
             check_start(ready, self._world)
         except BaseException:
@@ -65,223 +44,60 @@ class LiveEpisode:
         pose = Pose(x=start.position.x, y=start.position.y, z=start.position.z, yaw=wrapped(start.yaw))
         odometry = Odometry(
             self.sensors.pose,
-            self.flight.drift,
-            (ready.scene.seed, self.flight.drift_seed),
+            flight.drift,
+            (ready.scene.seed, flight.drift_seed),
             noise_seed=question.seed,
             start=(pose.x, pose.y),
         )
-        self.drone = Drone(self._world, self.flight, pose, odometry, ready.blueprint.roof_m, self._pilot())
-
-    @property
-    def moves(self) -> int:
-        """The number of the last move begun."""
-        return self._moves
-
-    def _pilot(self) -> Pilot | None:
-        """Who flies the drone by dynamics; null for a kinematic one."""
-        wind = self.ready.scene.air.wind
-        blows = wind.speed_m_s > 0.0 or wind.gusts_m_s > 0.0
-        model = self.flight.model or ("quadrotor" if blows else "kinematic")
-        return Pilot(self._world, self.flight, wind, self.seeds) if model == "quadrotor" else None
+        drone = Drone(self._planner(question), flight, pose, odometry, roof_m=ready.blueprint.roof_m)
+        about = About("simulator", ready.scene.name, renderer, renderer_detail, self.sensors.label)
+        super().__init__(episode_id, about, drone, flight, question.rig)
 
     def close(self) -> None:
         """Gives the physics client back."""
         self._world.close()
-
-    def capabilities(self) -> VehicleCapabilities:
-        return VehicleCapabilities(
-            kind="simulator",
-            cameras=self.rig.cameras,
-            radius_m=self.flight.radius_m,
-            max_speed_m_s=self.flight.max_speed_m_s,
-            cancels_moves=True,
-            lands=True,
-        )
-
-    def state(self) -> VehicleState:
-        """The drone as it measures itself, also on the way."""
-        return self.drone.state(self.id, self._moves, self.observations)
 
     def state_at_look(self, number: int) -> VehicleState:
         """As it measures itself at look `number`, which is about to be taken."""
         for fault in self.faults:
             if fault.kind == "pose_jump" and fault.first_look == number:
                 self.drone.jump(fault.jump_m)
-        return self.drone.state(self.id, self._moves, number)
-
-    def looked(self, number: int, pose: Pose) -> None:
-        """Look `number` was taken at this true pose. Looks at one pose are one stop."""
-        self.observations = number
-        if self._looked_at is None or self._elsewhere(self._looked_at, pose):
-            self.steps += 1
-            self._looked_at = pose
-
-    def _elsewhere(self, a: Pose, b: Pose) -> bool:
-        """Another stop. A drone that an autopilot outside flies never stands quite still."""
-        if not self._flown_outside:
-            return a != b
-        gap_m = math.dist((a.x, a.y, a.z), (b.x, b.y, b.z))
-        return gap_m > SAME_STOP_M or abs(wrapped(a.yaw - b.yaw)) > SAME_STOP_RAD
+        return self.drone.state(self.id, self.moves, number)
 
     def has(self, fault: FaultKind, look: int) -> bool:
         """Whether that fault was asked for at that look."""
         return any(f.kind == fault and f.at(look) for f in self.faults)
 
-    def trial(self, lease: Lease) -> Episode:
-        """What the trial adds to the drone."""
-        return Episode(
-            id=self.id,
-            status="flying" if self._verdict is None else "claimed",
-            scene=self.ready.scene.name,
-            renderer=self._renderer,
-            renderer_detail=self._renderer_detail,
-            flight=self.flight,
-            rig=self.rig.name,
-            sensors=self.sensors.label,
-            lease_s=lease.lease_s,
-            expires_in_s=lease.left_s,
-            vehicle=self.state(),
-        )
-
-    def begin(self, number: int, move: Move) -> MoveResult | None:
-        """Begins move `number`, or tells again what came of it; null where it is under way. Raises Conflict for any
-        other number, for another move under the last number, on the ground, and after the claim."""
-        if self._last is not None and number == self._moves:
-            if self._last.move in (move, None):
-                return self._last.result
-            raise Conflict(
-                f"move {number} was already sent with another body; the next move is {self._moves + 1}",
-                code="move_differs",
-                details={"expected": self._moves + 1},
-            )
-        if self._verdict is not None:
-            raise Conflict("a claim has ended this episode; the drone flies no more moves", code="episode_claimed")
-        if number != self._moves + 1:
-            raise Conflict(
-                f"move {number} is out of order; the next move is {self._moves + 1}",
-                code="move_out_of_order",
-                details={"expected": self._moves + 1},
-            )
-        self._must_stand(f"move {number}")
-        self._must_have_power()
-        if self.drone.landed:
-            raise Conflict("the drone stands on the ground; POST .../take-off first", code="landed")
-        self.drone.move(move.path, move.yaw)
-        self._moves, self._last = number, _Numbered(move, None)
-        return None
-
-    def take_off(self, height_m: float) -> None:
-        """Begins to; a drone that flies stays where it is. Raises Conflict while a flight is under way."""
-        self._must_stand("taking off")
-        self._must_have_power()
-        if self.drone.landed:
-            self.drone.take_off(height_m)
-
-    def return_home(self) -> None:
-        """Begins to; a drone on the ground stays there. Raises Conflict while a flight is under way."""
-        self._must_stand("returning")
-        self._must_have_power()
-        if not self.drone.landed:
-            self.drone.return_home()
-
-    def land(self) -> None:
-        """Begins to. Raises Conflict while a flight is under way."""
-        self._must_stand("landing")
-        if not self.drone.landed:
-            self.drone.land()
-
-    def advance(self, time_s: float) -> bool:
-        """The flight under way, to `time_s` seconds after it was begun; says whether none is left."""
-        flown = self.drone.advance(time_s)
-        if flown is not None:
-            self._finish(flown, share=1.0, cancelled=False)
-        return not self.drone.flies
-
-    def stop(self) -> None:
-        """Brakes on the way, and holds. A move that was under way is cancelled."""
-        share = self.drone.share
-        flown = self.drone.stop()
-        if flown is not None:
-            self._finish(flown, share=share, cancelled=True)
-
-    def cancel(self, number: int) -> MoveResult:
-        """Stops move `number` on the way; one that is over already stays what it is. The next number is used up
-        before its move is sent, so that a cancellation that overtakes its move still holds. Raises NotFound."""
-        if number == self._moves + 1 and not self.drone.flies:
-            self._moves, self._last = number, _Numbered(None, None)
-            self._finish(Flown(self.drone.pose, 0.0, 0.0, 0.0, None), share=0.0, cancelled=True)
-        if self._numbered(number).result is None:
-            self.stop()
-        return self.result(number)
-
-    def result(self, number: int) -> MoveResult:
-        """What came of the last move, which is over. Raises NotFound for any other."""
-        result = self._numbered(number).result
-        if result is None:
-            raise Conflict(f"move {number} is under way", code="move_under_way")
-        return result
-
-    def progress(self, number: int) -> MoveProgress:
-        """How far the last move has come. Raises NotFound for any other."""
-        numbered = self._numbered(number)
-        result = numbered.result
-        if result is None:
-            return MoveProgress(number=number, state="flying", pose=self.state().pose, share=self.drone.share)
-        state: Literal["done", "cancelled"] = "cancelled" if result.cancelled else "done"
-        return MoveProgress(number=number, state=state, pose=result.pose, share=numbered.share)
-
     def put(self, report: PoseReport) -> PoseJudged:
-        """The drone is where an autopilot outside has flown it to. Raises Conflict on its way, and after the claim."""
-        self._must_stand("a pose from outside")
-        if self._verdict is not None:
+        """The drone is where an autopilot outside has flown it to, through whatever is on that way; the ground is not
+        hit by a drone that says that it stands there. Raises Conflict on its way, and after the claim."""
+        self.must_stand("a pose from outside")
+        if self.claimed:
             raise Conflict("a claim has ended this episode; the drone stays where it is", code="episode_claimed")
-        hit = self.drone.put(report.pose, grounded=report.grounded)
+        here, there = self.drone.pose, report.pose
+        end = (there.x, there.y, there.z)
+        hit = self._world.sweep((here.x, here.y, here.z), end).hit or self._world.touching(end)
+        hit = None if report.grounded and hit == GROUND else hit
+        self.drone.put(there, hit)
         self._flown_outside = True
         return PoseJudged(collided=self.drone.collided, hit=hit)
 
-    def claim(self, claim: Claim) -> Verdict:
-        """Judges and ends the episode; only the first claim counts, later ones get its verdict again. Raises Conflict
-        on the way."""
-        if self._verdict is None:
-            self._must_stand("claiming")
-            drone, scene = self.drone, self.ready.scene
-            place = drone.true(claim.target) if claim.target else None
-            target = (place.x, place.y, place.z) if place else None
-            self._verdict = judge(scene, self.ready.things, self._world, drone.pose, drone.collided, target, self.steps)
-        return self._verdict
+    def _elsewhere(self, a: Pose, b: Pose) -> bool:
+        """A drone that an autopilot outside flies never stands quite still."""
+        if not self._flown_outside:
+            return super()._elsewhere(a, b)
+        gap_m = math.dist((a.x, a.y, a.z), (b.x, b.y, b.z))
+        return gap_m > SAME_STOP_M or abs(wrapped(a.yaw - b.yaw)) > SAME_STOP_RAD
 
-    def _finish(self, flown: Flown, *, share: float, cancelled: bool) -> None:
-        """Writes down what came of a numbered move; other flights leave nothing to be told again."""
-        numbered = self._last
-        if numbered is None or numbered.result is not None:
-            return
-        state = self.state()
-        result = MoveResult(
-            number=self._moves,
-            pose=state.pose,
-            reached=flown.hit is None and not cancelled,
-            cancelled=cancelled,
-            collided=flown.hit is not None,
-            hit=flown.hit,
-            path_m=flown.path_m,
-            flight_s=flown.flight_s,
-            vehicle=state,
-        )
-        self._last = _Numbered(numbered.move, result, share)
+    def judged(self, target: Vector | None) -> Verdict:
+        drone, ready = self.drone, self.ready
+        return judge(ready.scene, ready.things, self._world, drone.pose, drone.collided, target, self.steps)
 
-    def _numbered(self, number: int) -> _Numbered:
-        if self._last is None or number != self._moves:
-            known = f"only the last one, {self._moves}, is remembered" if self._moves else "none was sent yet"
-            raise NotFound(f"there is no move {number}; {known}", code="no_such_move")
-        return self._last
-
-    def _must_have_power(self) -> None:
-        if self.drone.empty:
-            raise Conflict("the battery is empty: the drone only lands, POST .../land", code="battery_empty")
-
-    def _must_stand(self, what: str) -> None:
-        if self.drone.flies:
-            raise Conflict(
-                f"{what} has to wait: the drone is on its way; let it arrive, or stop it with POST .../hold",
-                code="move_under_way",
-            )
+    def _planner(self, question: EpisodeQuestion) -> Planner:
+        """By dynamics where that is asked for, or where wind blows."""
+        wind = self.ready.scene.air.wind
+        blows = wind.speed_m_s > 0.0 or wind.gusts_m_s > 0.0
+        model = question.flight.model or ("quadrotor" if blows else "kinematic")
+        if model == "quadrotor":
+            return Pilot(self._world, question.flight, wind, self.seeds)
+        return KinematicPlanner(self._world, question.flight)

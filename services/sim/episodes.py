@@ -1,74 +1,22 @@
-"""All live episodes: who may fly, who waits for whom, and when one is ended that nobody flies any more.
+"""The simulator's live episodes. They meet only where they share something real: the renderer's thread, the worker
+threads, and the building of a new scene."""
 
-Calls on one episode run one after the other. A flight is under way between calls: it is begun by one and advanced in
-slices, so that others (a look, the state, a cancellation) find the drone on its way. Different episodes meet only where
-they share something real: the renderer's thread, the worker threads, and the building of a new scene.
-"""
-
-import asyncio
-import os
 import secrets
 import time
-from collections import Counter
-from collections.abc import AsyncIterator, Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import asynccontextmanager
-from typing import TypeVar
 
-from contracts.sim import (
-    Claim,
-    Episode,
-    EpisodeQuestion,
-    PoseJudged,
-    PoseReport,
-    Truth,
-    TruthQuestion,
-    Verdict,
-)
-from contracts.vehicle import (
-    Move,
-    MoveProgress,
-    MoveResult,
-    Observation,
-    VehicleCapabilities,
-    VehicleState,
-)
-from service_kit.errors import NotFound
-from services.sim.begun import BegunEpisodes, Left
+from contracts.sim import EpisodeQuestion, PoseJudged, PoseReport, Truth, TruthQuestion
+from episode_kit.episodes import LiveEpisodes, Opened
+from episode_kit.lease import Clock
+from episode_kit.limits import Limits
 from services.sim.episode import LiveEpisode
-from services.sim.flight_loop import FlightLoop
-from services.sim.lease import Clock, Lease
-from services.sim.limits import Limits, check_room, granted_lease_s
 from services.sim.render.thread import RenderThread
-from services.sim.scene_cache import CachedScene, SceneCache
+from services.sim.scene_cache import SceneCache
 from services.sim.scenes import SceneBuilder
 from services.sim.senses import Senses, check
 
-T = TypeVar("T")
 
-
-class _Live:
-    """A live episode with what its calls share."""
-
-    def __init__(self, episode: LiveEpisode, cached: CachedScene, senses: Senses, lease: Lease) -> None:
-        self.episode = episode
-        self.cached = cached
-        self.senses = senses
-        self.lease = lease
-        self.flight = FlightLoop(episode)
-        self.turn = asyncio.Lock()
-
-    @property
-    def busy(self) -> bool:
-        return self.turn.locked() or self.flight.running
-
-    @property
-    def orphaned(self) -> bool:
-        return self.lease.over and not self.busy
-
-
-class Episodes:
-    """Lives on one event loop. Owns its worker threads, not the renderer's."""
+class Episodes(LiveEpisodes[EpisodeQuestion, LiveEpisode, Senses]):
+    """Owns its worker threads, not the renderer's."""
 
     def __init__(
         self,
@@ -79,205 +27,40 @@ class Episodes:
         truth: bool = False,
     ) -> None:
         """truth: whether `truth` will be asked; then every look keeps what each pixel shows."""
-        self.limits = limits
+        super().__init__(limits, clock)
         self._labelled = truth
         self._renderer = renderer
-        self._clock = clock
-        self._workers = ThreadPoolExecutor(max(4, os.cpu_count() or 1), thread_name_prefix="sim")
         self._cache = SceneCache(build, renderer, self._workers, limits.kept_scenes)
-        self._live: dict[str, _Live] = {}
-        self._begun = BegunEpisodes(self._begin, self._drop)
-        self._starting: Counter[str | None] = Counter()
-
-    @property
-    def live(self) -> int:
-        return len(self._live)
 
     @property
     def scenes(self) -> int:
         """Built scenes in memory."""
         return len(self._cache)
 
-    async def start(self, question: EpisodeQuestion, left: Left) -> Episode:
-        """An episode, or the one that was begun under the same key. One that every caller has `left` before it was
-        there is not kept. Raises TooMany, BadQuestion, Conflict or Unavailable."""
-        return self.trial(await self._begun.begin(question, left))
-
-    async def free(self, key: str) -> None:
-        """Ends what was begun under a key, or is being begun."""
-        await self._begun.free(key)
-
-    async def free_all(self, owner: str) -> None:
-        """Ends all that was begun for an owner, or is being begun under a key."""
-        await self._begun.free_all(owner)
-        for episode_id in [i for i, live in self._live.items() if live.lease.owner == owner]:
-            await self._drop(episode_id)
-
-    def trial(self, episode_id: str) -> Episode:
-        """What the trial adds to its vehicle. Asking doesn't renew the lease. Raises NotFound."""
-        live = self._find(episode_id)
-        return live.episode.trial(live.lease)
-
-    def renew(self, episode_id: str) -> Episode:
-        """Renews the lease; waits for no other call. Raises NotFound."""
-        self._find(episode_id).lease.renew()
-        return self.trial(episode_id)
-
-    def state(self, episode_id: str) -> VehicleState:
-        """The drone as it is now, also on its way. Asking doesn't renew the lease. Raises NotFound."""
-        return self._find(episode_id).episode.state()
-
-    def capabilities(self, episode_id: str) -> VehicleCapabilities:
-        """Raises NotFound."""
-        return self._find(episode_id).episode.capabilities()
-
-    async def look(self, episode_id: str, cameras: Sequence[str] | None, depth: bool) -> Observation:
-        """The named cameras' views of one moment; all of the rig's where none are named. Raises NotFound, BadQuestion
-        or Unavailable."""
-        async with self._turn(episode_id) as live:
-            return await live.senses.look(cameras, depth)
-
-    async def move(self, episode_id: str, number: int, move: Move) -> MoveResult:
-        """Flies move `number` and waits for its end; a caller that stops waiting does not stop the drone. Raises
-        NotFound or Conflict."""
-        async with self._turn(episode_id) as live:
-            done = await self._work(live.episode.begin, number, move)
-            if done is not None:
-                return done
-            live.flight.start()
-        await self._arrived(live)
-        return live.episode.result(number)
-
-    def progress(self, episode_id: str, number: int) -> MoveProgress:
-        """How far the last move has come. Raises NotFound."""
-        return self._find(episode_id).episode.progress(number)
-
-    async def cancel(self, episode_id: str, number: int) -> MoveResult:
-        """Stops the drone where it is on move `number`. Raises NotFound."""
-        async with self._turn(episode_id) as live:
-            result = live.episode.cancel(number)
-            await live.flight.stop()
-            return result
-
-    async def take_off(self, episode_id: str, height_m: float) -> VehicleState:
-        """Raises NotFound or Conflict."""
-        return await self._flown(episode_id, lambda episode: episode.take_off(height_m))
-
-    async def hold(self, episode_id: str) -> VehicleState:
-        """Stops on the way. Raises NotFound."""
-        async with self._turn(episode_id) as live:
-            await live.flight.stop()
-            return live.episode.state()
-
-    async def return_home(self, episode_id: str) -> VehicleState:
-        """Stops on the way first. Raises NotFound."""
-        await self.hold(episode_id)
-        return await self._flown(episode_id, LiveEpisode.return_home)
-
-    async def land(self, episode_id: str) -> VehicleState:
-        """Stops on the way first. Raises NotFound."""
-        await self.hold(episode_id)
-        return await self._flown(episode_id, LiveEpisode.land)
-
     async def put(self, episode_id: str, report: PoseReport) -> PoseJudged:
         """Raises NotFound, and Conflict on its way and after the claim."""
         async with self._turn(episode_id) as live:
             return await self._work(live.episode.put, report)
-
-    async def claim(self, episode_id: str, claim: Claim) -> Verdict:
-        """Raises NotFound, and Conflict while the drone is on its way."""
-        async with self._turn(episode_id) as live:
-            return await self._work(live.episode.claim, claim)
 
     async def truth(self, episode_id: str, question: TruthQuestion) -> Truth:
         """Raises NotFound or Unavailable."""
         async with self._turn(episode_id) as live:
             return await live.senses.truth(question)
 
-    async def end(self, episode_id: str) -> None:
-        """Frees everything of it, after the call that may be running on it. Raises NotFound."""
-        live = self._find(episode_id)
-        async with live.turn:
-            await self._drop(episode_id)
-
-    async def expire(self) -> int:
-        """Ends every episode whose lease has run out; says how many."""
-        orphans = [i for i, live in self._live.items() if live.orphaned]
-        for episode_id in orphans:
-            await self._drop(episode_id)
-        return len(orphans)
-
-    async def close(self) -> None:
-        """Ends all episodes and the worker threads."""
-        for episode_id in list(self._live):
-            await self._drop(episode_id)
-        self._workers.shutdown(wait=True)
-
-    async def _begin(self, question: EpisodeQuestion) -> str:
-        await self.expire()
+    async def _open(self, question: EpisodeQuestion) -> Opened[LiveEpisode, Senses]:
         check(question.rig.cameras)
-        lease = Lease(question.owner, granted_lease_s(self.limits, question.lease_s), self._clock)
-        begun = self._starting + Counter(live.lease.owner for live in self._live.values())
-        check_room(self.limits, begun, question.owner)
-        self._starting[question.owner] += 1
+        cached, renderer = await self._cache.acquire(question.scene), self._renderer
         try:
-            cached = await self._cache.acquire(question.scene)
-            renderer = self._renderer
-            try:
-                episode = await self._work(
-                    LiveEpisode, secrets.token_hex(16), cached.ready, question, renderer.name, renderer.detail
-                )
-            except BaseException:
-                await self._cache.release(cached)
-                raise
-        finally:
-            self._starting[question.owner] -= 1
-        senses = Senses(episode, cached, self._renderer, self._workers, labelled=self._labelled)
-        lease.renew()
-        self._live[episode.id] = _Live(episode, cached, senses, lease)
-        return episode.id
-
-    async def _flown(self, episode_id: str, begin: Callable[[LiveEpisode], None]) -> VehicleState:
-        async with self._turn(episode_id) as live:
-            await self._work(begin, live.episode)
-            live.flight.start()
-        await self._arrived(live)
-        return live.episode.state()
-
-    async def _arrived(self, live: _Live) -> None:
-        try:
-            await live.flight.over()
-        finally:
-            live.lease.renew()
-
-    def _find(self, episode_id: str) -> _Live:
-        live = self._live.get(episode_id)
-        if live is None or live.orphaned:
-            raise NotFound(
-                f"there is no episode {episode_id[:40]!r}; it was never started, was ended, or nobody called it until "
-                "its lease ran out; POST /v1/episodes starts one",
-                code="no_such_episode",
+            episode = await self._work(
+                LiveEpisode, secrets.token_hex(16), cached.ready, question, renderer.name, renderer.detail
             )
-        return live
+        except BaseException:
+            await self._cache.release(cached)
+            raise
+        senses = Senses(episode, cached, renderer, self._workers, labelled=self._labelled)
 
-    @asynccontextmanager
-    async def _turn(self, episode_id: str) -> AsyncIterator[_Live]:
-        live = self._find(episode_id)
-        async with live.turn:
-            self._find(episode_id)  # it may have been ended while this call waited
-            try:
-                yield live
-            finally:
-                live.lease.renew()
+        async def close() -> None:
+            await self._work(episode.close)
+            await self._cache.release(cached)
 
-    async def _drop(self, episode_id: str) -> None:
-        live = self._live.pop(episode_id, None)
-        if live is None:
-            return
-        self._begun.forget(episode_id)
-        await live.flight.stop()
-        await self._work(live.episode.close)
-        await self._cache.release(live.cached)
-
-    async def _work(self, job: Callable[..., T], *arguments: object) -> T:
-        return await asyncio.get_running_loop().run_in_executor(self._workers, job, *arguments)
+        return Opened(episode, senses, close)

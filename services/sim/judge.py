@@ -12,7 +12,7 @@ from contracts.geometry import Pose
 from contracts.scene import Scene, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, window_slot, window_slots
 from contracts.sim import Verdict
-from services.sim.kinematics import Vector
+from episode_kit.kinematics import Vector
 from services.sim.world import Hit
 
 ON_THE_OBJECT_M = 0.75

@@ -12,8 +12,9 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from episode_kit.kinematics import Vector
+from episode_kit.trajectory import Sweep
 from services.sim.geometry.scene_mesh import Solid
-from services.sim.kinematics import Vector
 from services.sim.physics_meshes import collision_mesh
 
 TOUCH_M = 0.002
@@ -41,13 +42,6 @@ class Contact(NamedTuple):
     name: str
     clearance_m: float
     normal: Vector
-
-
-class Sweep(NamedTuple):
-    """How far the sphere came along a straight line, and what stopped it (null: nothing did)."""
-
-    free_m: float
-    hit: str | None
 
 
 class _Piece(NamedTuple):

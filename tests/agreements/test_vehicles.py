@@ -15,6 +15,7 @@ from contracts.cameras import default_rig
 from contracts.geometry import Point3
 from contracts.scene import Scene
 from contracts.sim import EpisodeQuestion, Flight
+from episode_kit.limits import Limits
 from mission.ports import ServiceRefused
 from mission.trajectory import TrajectoryWriter
 from mission.vehicle import Trial
@@ -25,7 +26,6 @@ from mission.vehicles.simulator_trial import SimulatorTrial
 from service_kit.client import ServiceClient
 from services.sim.app import build_app
 from services.sim.episodes import Episodes
-from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from tests.conftest import Serve

@@ -8,12 +8,12 @@ import pytest
 
 from contracts.cameras import default_rig
 from contracts.sim import EpisodeQuestion
+from episode_kit.limits import Limits
 from mission.vehicles.http_vehicle import HttpVehicle
 from mission.vehicles.simulator_trial import SimulatorTrial
 from service_kit.client import ServiceClient
 from services.sim.app import build_app
 from services.sim.episodes import Episodes
-from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from tests.conftest import Serve

@@ -10,7 +10,7 @@ from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN, DepthMap, JpegImage, encode_depth_units, encode_jpeg
 from contracts.scene import CALM, Air
 from contracts.sensor_profiles import IdealDepth, Sensors
-from services.sim.drone import Rates
+from episode_kit.drone import Rates
 from services.sim.render.views import RenderedViews
 from services.sim.sensors.chance import generator
 from services.sim.sensors.depth import Frame, sensed_depth

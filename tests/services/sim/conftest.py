@@ -10,13 +10,13 @@ import pytest
 from contracts.geometry import Point2, Point3
 from contracts.scene import BalconyPlan, Building, FreePlace, Ground, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import wall_height_m, window_slot
+from episode_kit.limits import Limits
 from services.sim.app import build_app
 from services.sim.episodes import Episodes
 from services.sim.geometry import solids
 from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.scene_mesh import Chunk, Part, PartKind, SceneMesh, Solid, UnknownObject
 from services.sim.geometry.textures import base_textures
-from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from tests.services.sim.running_sim import CATALOGUE, Builder, Simulator

@@ -9,10 +9,10 @@ from contracts.geometry import Point3, Pose
 from contracts.scene import Air, Scene, Wind
 from contracts.sim import EpisodeQuestion, Flight
 from contracts.vehicle import Move
+from episode_kit.kinematics import Vector
 from service_kit.errors import Conflict
 from services.sim.dynamic_flight import DynamicFlight, Pilot
 from services.sim.episode import LiveEpisode
-from services.sim.kinematics import Vector
 from services.sim.scenes import make_ready
 from services.sim.wind import DT_S, GUST_TIME_S, Gusts
 from services.sim.world import Sweep

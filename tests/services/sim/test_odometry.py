@@ -10,8 +10,8 @@ from contracts.scene import Scene
 from contracts.sensor_profiles import PoseSensor
 from contracts.sim import Claim, EpisodeQuestion, Flight
 from contracts.vehicle import Move, MoveResult
+from episode_kit.odometry import Odometry, Way
 from services.sim.episode import LiveEpisode
-from services.sim.odometry import Odometry, Way
 from services.sim.scenes import make_ready
 from tests.services.sim.conftest import build_boxes
 

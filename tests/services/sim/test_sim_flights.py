@@ -12,8 +12,8 @@ import pytest
 from contracts.scene import Scene
 from contracts.sim import Episode
 from contracts.vehicle import MoveProgress, MoveResult, VehicleCapabilities, VehicleState
+from episode_kit.limits import Limits
 from services.sim.geometry.scene_mesh import SceneMesh
-from services.sim.limits import Limits
 from tests.services.sim.running_sim import Builder, Simulator, error
 
 AS_WATCHED = {"pace": 0.25}

@@ -11,8 +11,8 @@ import httpx
 import pytest
 
 from contracts.scene import Scene
+from episode_kit.limits import Limits
 from services.sim.geometry.scene_mesh import SceneMesh
-from services.sim.limits import Limits
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from tests.services.sim.running_sim import BEFORE_THE_POT, Builder, Simulator, error

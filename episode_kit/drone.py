@@ -11,11 +11,9 @@ from typing import Literal, NamedTuple
 from contracts.geometry import Point3, Pose
 from contracts.sim import Flight
 from contracts.vehicle import Battery, FlightMode, Health, VehicleState
-from services.sim.dynamic_flight import DynamicFlight, Pilot
-from services.sim.kinematics import Vector, wrapped
-from services.sim.odometry import Odometry, Way
-from services.sim.trajectory import Flown, Trajectory, plan
-from services.sim.world import GROUND, World
+from episode_kit.kinematics import Vector, wrapped
+from episode_kit.odometry import Odometry, Way
+from episode_kit.trajectory import Course, Flown, Planner
 
 Doing = Literal["taking_off", "moving", "returning", "landing"]
 OVER_THE_ROOFS_M = 3.0
@@ -42,17 +40,19 @@ class Drone:
 
     def __init__(
         self,
-        world: World,
+        planner: Planner,
         flight: Flight,
         start: Pose,
         odometry: Odometry,
+        *,
         roof_m: float,
-        pilot: Pilot | None = None,
+        underground_m: float = UNDERGROUND_M,
     ) -> None:
-        """`pilot`: who flies it by dynamics; without one it is kinematic."""
-        self._world = world
+        """`roof_m`: the highest roof, over which it flies home; `underground_m`: a height that lies under the ground
+        everywhere."""
+        self._planner = planner
         self._flight = flight
-        self._pilot = pilot
+        self._underground_m = underground_m
         self._odometry = odometry
         self._home = Point3(x=start.x, y=start.y, z=start.z)
         self._roof_m = roof_m
@@ -60,7 +60,7 @@ class Drone:
         self._mode: FlightMode = "holding"
         self._path_m = self._path_horizontal_m = self._flight_s = self._effort_s = 0.0
         self._hit: str | None = None
-        self._trajectory: Trajectory | DynamicFlight | None = None
+        self._trajectory: Course | None = None
         self._now: Flown | None = None
         self._time_s = 0.0
 
@@ -98,17 +98,13 @@ class Drone:
         """A pose of this flight as the drone's odometry has it."""
         return self._odometry.believed(pose, _way(self._now) if self._now is not None else Way())
 
-    def put(self, pose: Pose, *, grounded: bool) -> str | None:
-        """Somebody else has flown it straight to `pose`, through whatever is on that way; says what is. The ground is
-        not hit by a drone that is `grounded`."""
+    def put(self, pose: Pose, hit: str | None) -> None:
+        """Somebody else has flown it straight to `pose`; `hit`: what was on that way."""
         here, there = _vector(self._pose), _vector(pose)
-        hit = self._world.sweep(here, there).hit or self._world.touching(there)
-        hit = None if grounded and hit == GROUND else hit
         self._hit = self._hit or hit
         self._pose = pose
         self._path_m += math.dist(here, there)
         self._path_horizontal_m += math.dist(here[:2], there[:2])
-        return hit
 
     def jump(self, east_m: float) -> None:
         """What it believes of its position leaps; where it is does not."""
@@ -168,7 +164,7 @@ class Drone:
 
     def land(self) -> None:
         """Straight down onto whatever is there."""
-        self._begin("landing", [(self._pose.x, self._pose.y, UNDERGROUND_M)], None)
+        self._begin("landing", [(self._pose.x, self._pose.y, self._underground_m)], None)
 
     def advance(self, time_s: float) -> Flown | None:
         """To `time_s` seconds after the flight was begun; once it is over, what came of it."""
@@ -188,11 +184,7 @@ class Drone:
         return self._end(self._trajectory.stopped_at(self._time_s))
 
     def _begin(self, doing: Doing, path: Sequence[Vector], yaw: float | None) -> None:
-        trajectory: Trajectory | DynamicFlight
-        if self._pilot is not None:
-            trajectory = self._pilot.plan(self._pose, path, yaw)
-        else:
-            trajectory = plan(self._world, self._flight, self._pose, path, yaw)
+        trajectory = self._planner.plan(self._pose, path, yaw)
         self._time_s, self._now, self._mode = 0.0, None, doing
         self._trajectory = trajectory
 

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from contracts.sim import EpisodeQuestion
+from episode_kit.begun import BegunEpisodes
 from service_kit.errors import NotFound
-from services.sim.begun import BegunEpisodes
 from tests.mission.block import Block, block_scene
 
 QUESTION = EpisodeQuestion(scene=block_scene(Block()), key="k")

@@ -3,36 +3,36 @@
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
-from contracts.sim import EpisodeQuestion
+from contracts.sim import EpisodeTerms
 from service_kit.errors import Conflict, NotFound
 
+Q = TypeVar("Q", bound=EpisodeTerms)
 Left = Callable[[], Awaitable[bool]]
 """Whether the caller has closed its connection."""
 
 
 @dataclass
-class Begun:
+class Begun(Generic[Q]):
     """An episode that is being begun, or was. `task` brings its id; `waiting` callers wait for it; one of those who
     were still there got it: `taken`."""
 
-    question: EpisodeQuestion
+    question: Q
     task: asyncio.Task[str]
     waiting: int = 0
     taken: bool = False
 
 
-class BegunEpisodes:
+class BegunEpisodes(Generic[Q]):
     """`begin` makes an episode and brings its id; `end` frees one that may be gone already."""
 
-    def __init__(
-        self, begin: Callable[[EpisodeQuestion], Awaitable[str]], end: Callable[[str], Awaitable[None]]
-    ) -> None:
+    def __init__(self, begin: Callable[[Q], Awaitable[str]], end: Callable[[str], Awaitable[None]]) -> None:
         self._begin = begin
         self._end = end
-        self._by_key: dict[str, Begun] = {}
+        self._by_key: dict[str, Begun[Q]] = {}
 
-    async def begin(self, question: EpisodeQuestion, left: Left) -> str:
+    async def begin(self, question: Q, left: Left) -> str:
         """The id of the episode of this question, begun now or before under the same key. Where every caller has left
         meanwhile it is freed again. Raises Conflict for another question under a key, and what `begin` raises."""
         begun = self._begun(question)
@@ -72,7 +72,7 @@ class BegunEpisodes:
         for key in gone:
             del self._by_key[key]
 
-    def _begun(self, question: EpisodeQuestion) -> Begun:
+    def _begun(self, question: Q) -> Begun[Q]:
         key = question.key
         known = self._by_key.get(key) if key is not None else None
         if known is not None and _asked(known.question) != _asked(question):
@@ -86,7 +86,7 @@ class BegunEpisodes:
                 self._by_key[key] = known
         return known
 
-    async def _made(self, question: EpisodeQuestion) -> str:
+    async def _made(self, question: Q) -> str:
         try:
             return await self._begin(question)
         except BaseException:
@@ -95,11 +95,11 @@ class BegunEpisodes:
             raise
 
 
-def _asked(question: EpisodeQuestion) -> EpisodeQuestion:
+def _asked(question: Q) -> Q:
     """What makes an episode the same: for whom it is begun may change, where another process goes on."""
     return question.model_copy(update={"owner": None, "lease_s": None})
 
 
-def _brought(begun: Begun) -> str | None:
+def _brought(begun: Begun[Q]) -> str | None:
     task = begun.task
     return task.result() if task.done() and not task.cancelled() and task.exception() is None else None

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.sim.kinematics import (
+from episode_kit.kinematics import (
     heading_of,
     speed_profile,
     straight_legs,

@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 
 from contracts.geometry import Pose
 from contracts.sim import Flight
-from services.sim.kinematics import (
+from episode_kit.kinematics import (
     Leg,
     SpeedProfile,
     Vector,
@@ -21,7 +21,13 @@ from services.sim.kinematics import (
     turn_time_s,
     wrapped,
 )
-from services.sim.world import Sweep
+
+
+class Sweep(NamedTuple):
+    """How far the sphere came along a straight line, and what stopped it (null: nothing did)."""
+
+    free_m: float
+    hit: str | None
 
 
 class Sweeper(Protocol):
@@ -40,6 +46,36 @@ class Flown(NamedTuple):
     flight_s: float
     hit: str | None
     effort_s: float | None = None
+
+
+class Course(Protocol):
+    """A flight that was planned to its end. Times are seconds of flight since it was begun."""
+
+    @property
+    def duration_s(self) -> float: ...
+
+    @property
+    def end(self) -> Flown:
+        """Flown as far as it goes."""
+        ...
+
+    def at(self, time_s: float) -> Flown:
+        """On the way; the end from `duration_s` on."""
+        ...
+
+    def stopped_at(self, time_s: float) -> Flown:
+        """Where the drone stands when it was told to stop at that time. It may still hit what lies within the way it
+        needs to brake."""
+        ...
+
+
+class Planner(Protocol):
+    """Who flies a drone."""
+
+    def plan(self, pose: Pose, path: Sequence[Vector], yaw: float | None) -> Course:
+        """The flight from `pose` along the corners of `path`, then to `yaw` (radians). Without a stated yaw the nose
+        ends in the direction of the last horizontal travel, or stays as it is."""
+        ...
 
 
 class _SweptLeg(NamedTuple):
@@ -68,7 +104,7 @@ class _Part(NamedTuple):
 
 
 class Trajectory:
-    """The course of one flight over time. Times are seconds of flight since it was begun."""
+    """The course of one kinematic flight over time."""
 
     def __init__(self, start: Pose, legs: Sequence[_SweptLeg], yaw: float, flight: Flight) -> None:
         self._start = start
@@ -82,16 +118,12 @@ class Trajectory:
 
     @property
     def end(self) -> Flown:
-        """Flown as far as it goes."""
         return self._at(math.inf, brakes=False)
 
     def at(self, time_s: float) -> Flown:
-        """On the way; the end from `duration_s` on."""
         return self._at(time_s, brakes=False)
 
     def stopped_at(self, time_s: float) -> Flown:
-        """Where the drone stands when it was told to stop at that time. It may still hit what lies within the way it
-        needs to brake."""
         return self._at(time_s, brakes=True)
 
     def _at(self, time_s: float, *, brakes: bool) -> Flown:
@@ -148,6 +180,17 @@ def plan(world: Sweeper, flight: Flight, pose: Pose, path: Sequence[Vector], yaw
             break
     wanted = yaw if yaw is not None else heading_of(legs)
     return Trajectory(pose, swept, pose.yaw if wanted is None else wanted, flight)
+
+
+class KinematicPlanner:
+    """Flies exactly along the path."""
+
+    def __init__(self, world: Sweeper, flight: Flight) -> None:
+        self._world = world
+        self._flight = flight
+
+    def plan(self, pose: Pose, path: Sequence[Vector], yaw: float | None) -> Trajectory:
+        return plan(self._world, self._flight, pose, path, yaw)
 
 
 def _pose(position: Vector, yaw: float) -> Pose:

@@ -8,7 +8,7 @@ import asyncio
 import time
 from contextlib import suppress
 
-from services.sim.episode import LiveEpisode
+from episode_kit.episode import FlyingEpisode
 
 SLICE_S = 0.25
 """Seconds of flight."""
@@ -17,7 +17,7 @@ SLICE_S = 0.25
 class FlightLoop:
     """Lives on the event loop of its episode's calls."""
 
-    def __init__(self, episode: LiveEpisode) -> None:
+    def __init__(self, episode: FlyingEpisode) -> None:
         self._episode = episode
         self._task: asyncio.Task[None] | None = None
         self._stopped = asyncio.Event()

@@ -1,0 +1,1 @@
+"""What every simulated world's service shares: episodes held by leases, numbered moves, straight flight."""
