@@ -19,6 +19,7 @@ COPY mission mission
 COPY orchestrator orchestrator
 COPY launcher launcher
 COPY evaluation evaluation
+COPY logisticsvln logisticsvln
 COPY command_line command_line
 RUN uv sync --quiet --frozen --no-dev --no-editable --extra ${extra}
 

@@ -4,7 +4,6 @@ import asyncio
 import contextlib
 import json
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -21,24 +20,17 @@ from command_line.preflight import CannotFly, check_flight
 from command_line.terminal_customer import TerminalCustomer
 from contracts.cameras import DEFAULT_RIG
 from contracts.orchestrator import CustomerAnswer, DeliveryQuestion, DeliveryResult
-from contracts.scene import Scene
-from launcher.processes import (
-    CannotStart,
-    Processes,
-    free_ports,
-    oracle_settings,
-    parse_addresses,
-)
-from mission.clients import Services
+from launcher.processes import CannotStart, parse_addresses
+from logisticsvln.async_flights import ORACLE, AsyncLocalServices
+from logisticsvln.scenes import read_scene
 from mission.customer import AnsweredBeforehand
 from orchestrator.delivery import BadDelivery, Order, Run
-from service_kit.addresses import FLIGHT_SERVICES, Addresses
+from service_kit.addresses import Addresses
 from service_kit.connections import Connections
 from service_kit.settings import BadSetting, process_environment
 
 PATIENCE_S = 30.0
 """How long services of somebody else's may be away, because they are started again."""
-MAX_SCENE_BYTES = 4 * 1024 * 1024
 
 
 def deliver(
@@ -96,16 +88,14 @@ def deliver(
         order = Order(question)
         answers = [CustomerAnswer(text=text).text.strip() for text in answer or ()]
         at = parse_addresses(services) if services else None
-        connections = Connections.read(process_environment())
+        Connections.read(process_environment())  # a variable that is wrong is told before anything starts
     except ValidationError as error:
         stop(first_problem(error), WRONG_INPUT)
     except (BadDelivery, BadSetting, ValueError) as error:
         stop(str(error), WRONG_INPUT)
     console = Console(stderr=as_json)
     try:
-        run, result = asyncio.run(
-            interruptible(_deliver(order, answers, out, backend, at, connections, console, live=not as_json))
-        )
+        run, result = asyncio.run(interruptible(_deliver(order, answers, out, backend, at, console, live=not as_json)))
     except CannotFly as error:
         stop(str(error), WRONG_INPUT)
     except CannotStart as error:
@@ -131,7 +121,6 @@ async def _deliver(
     out: Path,
     backend: str,
     at: Addresses | None,
-    connections: Connections,
     console: Console,
     *,
     live: bool,
@@ -142,31 +131,13 @@ async def _deliver(
         terminal = live and console.is_terminal
         view: LiveView | PlainView = LiveView(console, order.request, backend) if terminal else PlainView(console)
         stack.enter_context(view)
-        patience_s = PATIENCE_S if at is not None else 0.0
         if at is None:
-            ports = free_ports(FLIGHT_SERVICES)
             view.note("starting the services")
-            extra = oracle_settings(ports) if backend == "oracle" else {}
-            logs = out / "logs" / time.strftime("%Y%m%d-%H%M%S")
-            own = Processes(ports, logs, environment=process_environment(), extra=extra)
-            at = (await stack.enter_async_context(own)).addresses
-        clients = await stack.enter_async_context(Services(at, connections.tokens, patience_s))
-        await check_flight(clients, backend, order.settings.parser_model)
+        patience_s = PATIENCE_S if at is not None else 0.0
+        local = AsyncLocalServices(oracle=backend == ORACLE, at=at, logs=out / "logs", patience_s=patience_s)
+        services = (await stack.enter_async_context(local)).clients
+        await check_flight(services, backend, order.settings.parser_model)
         run = Run(order, out, listener=view.show)
         asked = TerminalCustomer(console, view) if terminal and sys.stdin.isatty() else None
         customer = AnsweredBeforehand(answers, asked) if answers or asked else None
-        return run, await run.fly(clients.simulated(), customer)
-
-
-def read_scene(path: Path) -> Scene:
-    """Raises ValueError with one line that says what is wrong with the file."""
-    try:
-        if path.stat().st_size > MAX_SCENE_BYTES:
-            raise ValueError(f"{path} is larger than {MAX_SCENE_BYTES} bytes: that is no scene document")
-        return Scene.model_validate_json(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise ValueError(f"{path} is not a text file") from None
-    except ValidationError as error:
-        raise ValueError(f"{path} is not a scene: {first_problem(error)}") from None
+        return run, await run.fly(services.simulated(), customer)

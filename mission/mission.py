@@ -17,6 +17,7 @@ from mission.clearances import within_limits
 from mission.customer import Customer
 from mission.placement import Placement
 from mission.policies import completed, policy_of
+from mission.policies.base import AnyPolicy
 from mission.ports import ModelUnreachable, PortError, Ports, ServiceUnreachable
 from mission.record import Log
 from mission.stages import Ended
@@ -45,15 +46,18 @@ class Mission:
         limits: FlightLimits | None = None,
         customer: Customer | None = None,
         keep: Keep | None = None,
+        policy: AnyPolicy | None = None,
     ) -> None:
         """`limits`: the operator's, which the settings may tighten. Without a `customer` nobody is asked: a request
-        that leaves something open ends the mission. Raises BadSearch for a search policy that there is not, or settings
-        that it has not got."""
+        that leaves something open ends the mission. `policy`: searches instead of the one that the settings name.
+        Raises BadSearch for a search policy that there is not, or settings that it has not got."""
         limits = (limits or FlightLimits()).tightened(settings.limits)
-        settings = within_limits(completed(settings), limits)
-        policy = policy_of(settings.viewpoint)
+        settings = within_limits(completed(settings, policy), limits)
+        policy = policy or policy_of(settings.viewpoint)
         self._context = MissionContext(ports, placement, settings, policy, events, limits, customer)
         self._keep = keep
+        self.problem: Exception | None = None
+        """The unexpected error that a mission with outcome `failed` broke off by, where it was one."""
 
     async def fly(self, request: str, key: str | None = None) -> DeliveryResult:
         """A mission from its beginning; `key` names the delivery. A cancelled task ends it with outcome `cancelled`."""
@@ -93,6 +97,7 @@ class Mission:
             end = Ended(outcome="cancelled", message=f"cancelled during {step.state.phase}")
         except Exception as error:
             log.exception("a mission broke off")
+            self.problem = error
             end = Ended(outcome="failed", message=f"an unexpected {type(error).__name__} during {step.state.phase}")
         self._context = step.context
         if step.state.flight is not None:

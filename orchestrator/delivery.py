@@ -15,6 +15,7 @@ from mission.customer import Customer
 from mission.mission import Mission
 from mission.placement import InTrial, trial_question
 from mission.policies import BadSearch, completed
+from mission.policies.base import AnyPolicy
 from mission.record import Record, new_id, now, read_question, read_result, read_state
 from mission.state import MissionState, begin
 from mission.vehicle import Trial
@@ -35,9 +36,11 @@ class BadDelivery(ValueError):
 class Order:
     """A delivery that is sound: the request, the scene, the settings with the back end filled in."""
 
-    def __init__(self, question: DeliveryQuestion, *, own_vehicles: bool = False) -> None:
-        """`own_vehicles`: there are such that need no scene. Raises BadDelivery for a question without scene or
-        request, an unknown sample, or two models."""
+    def __init__(
+        self, question: DeliveryQuestion, *, own_vehicles: bool = False, policy: AnyPolicy | None = None
+    ) -> None:
+        """`own_vehicles`: there are such that need no scene. `policy`: searches instead of the one that the settings
+        name. Raises BadDelivery for a question without scene or request, an unknown sample, or two models."""
         given = (question.scene is not None) + (question.sample is not None)
         if given == 2 or (given == 0 and not own_vehicles):
             raise BadDelivery("give either a scene or the name of a sample")
@@ -52,8 +55,9 @@ class Order:
             raise BadDelivery("say in `request` what is to be brought where")
         self.request: str = request
         self.scene: Scene | None = scene
+        self.policy = policy
         try:
-            self.settings: MissionSettings = completed(question.settings)
+            self.settings: MissionSettings = completed(question.settings, policy)
         except (BadSearch, BadExtension) as error:
             raise BadDelivery(str(error)) from None
         named = (question.backend, self.settings.vision_model)
@@ -95,6 +99,8 @@ class Run:
         self._order = order
         self._done: DeliveryResult | None = None
         self._state: MissionState | None = None
+        self.problem: Exception | None = None
+        """The unexpected error that the mission broke off by, where it was one."""
         name = new_id()
         delivery = Delivery(
             id=name,
@@ -113,6 +119,7 @@ class Run:
         BadDelivery where the folder holds no record, one that can't be carried on, or one that somebody still
         writes."""
         run = cls.__new__(cls)
+        run.problem = None
         run._order = Order.recorded(folder)
         run.record = Record.reopened(folder, listener=listener)
         try:
@@ -132,9 +139,7 @@ class Run:
         Cancelling the task ends the flight, not the record. Without a `customer` nobody is asked what a request leaves
         open."""
         try:
-            result = self._done or await self._mission(services, customer).go_on(
-                self._state or begin(self._order.request)
-            )
+            result = self._done or await self._flown(self._mission(services, customer))
             if self._done is None:
                 self.record.conclude(result)
             await self._draw()
@@ -143,10 +148,23 @@ class Run:
             self.record.close()
         return result
 
+    async def _flown(self, mission: Mission) -> DeliveryResult:
+        result = await mission.go_on(self._state or begin(self._order.request))
+        self.problem = mission.problem
+        return result
+
     def _mission(self, services: Simulated, customer: Customer | None) -> Mission:
         order, record = self._order, self.record
         placed = order.placed(services.trial)
-        return Mission(services.ports, placed, order.settings, record, customer=customer, keep=record.keep)
+        return Mission(
+            services.ports,
+            placed,
+            order.settings,
+            record,
+            customer=customer,
+            keep=record.keep,
+            policy=order.policy,
+        )
 
     async def _draw(self) -> None:
         """The summary picture; a delivery without one is still a delivery."""

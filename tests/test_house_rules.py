@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -31,7 +32,18 @@ ALLOWED: dict[str, set[str]] = {
     "orchestrator": {"contracts", "service_kit", "mission"},
     "launcher": {"contracts", "service_kit"},
     "evaluation": {"contracts", "navigation", "service_kit", "mission", "launcher"},
-    "command_line": {"contracts", "navigation", "service_kit", "mission", "orchestrator", "launcher", "evaluation"},
+    # what people import: it shows what the others have and has little of its own
+    "logisticsvln": {"contracts", "navigation", "service_kit", "mission", "orchestrator", "launcher", "evaluation"},
+    "command_line": {
+        "contracts",
+        "navigation",
+        "service_kit",
+        "mission",
+        "orchestrator",
+        "launcher",
+        "evaluation",
+        "logisticsvln",
+    },
     # draws its streets in process and cuts crops as the gateway does; nothing imports it
     "training": {
         "contracts",
@@ -141,6 +153,22 @@ def test_nobody_imports_the_command_line() -> None:
         and any(room(name) == "command_line" for name in imported_names(tree_of(path)))
     }
     assert not readers
+
+
+def test_only_the_command_line_imports_what_people_import() -> None:
+    readers = {
+        room(dotted(path))
+        for path in modules(*OURS)
+        if any(room(name) == "logisticsvln" for name in imported_names(tree_of(path)))
+    }
+    assert readers == {"logisticsvln", "command_line"}
+
+
+def test_every_package_that_is_installed_ships_its_types() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    installed = project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert set(installed) == set(OURS) - {"training"}
+    assert [name for name in installed if not (ROOT / name / "py.typed").is_file()] == []
 
 
 def test_packages_do_not_import_each_other_in_a_circle() -> None:

@@ -9,7 +9,6 @@ import math
 import shutil
 import sys
 import time
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from contracts.base import ModelName, Wire
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
 from evaluation.bench.episode_keeping import EpisodeKeeping, Kept
+from evaluation.bench.task_settings import settings_of_task
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.taxonomy import reason_of
@@ -241,10 +241,7 @@ class Worker:
         return trial_question(task.scene, self._settings(task))
 
     def _settings(self, task: Task) -> MissionSettings:
-        """The run's, with a seed of the task's own: the random policy would fly the same curve round every building."""
-        mission = self._job.mission
-        seed = (mission.seed + zlib.crc32(task.id.encode())) % 2**31
-        return mission.model_copy(update={"vision_model": self._job.backend, "seed": seed})
+        return settings_of_task(self._job.mission, self._job.backend, task)
 
     def _record_folder(self, task: Task) -> Path | None:
         if self._job.pictures == "none":

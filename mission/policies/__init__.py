@@ -66,10 +66,10 @@ def policy_of(search: SearchSettings) -> AnyPolicy:
         raise BadSearch(_said(kind, search, error)) from None
 
 
-def completed(settings: MissionSettings) -> MissionSettings:
+def completed(settings: MissionSettings, policy: AnyPolicy | None = None) -> MissionSettings:
     """The same settings with the search policy named and every constant of it written out, as results are recorded.
-    Raises BadSearch, BadExtension."""
-    policy = policy_of(settings.viewpoint)
+    `policy`: one that is at hand, instead of the one that the settings name. Raises BadSearch, BadExtension."""
+    policy = policy or policy_of(settings.viewpoint)
     search = SearchSettings(policy=policy.name, **policy.settings.model_dump(mode="json"))
     return settings.model_copy(update={"viewpoint": search})
 

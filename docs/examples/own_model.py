@@ -1,0 +1,35 @@
+"""A model of one's own: it finds things by their colour. The embedded model counts floors and boxes the building."""
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from logisticsvln import Box, CameraPicture, LocalServices, Match, MissionSettings, OwnVision
+
+HUES = {"red": 0, "yellow": 27, "green": 65, "blue": 108, "purple": 140}
+"""Degrees / 2, as OpenCV counts them."""
+
+
+def by_colour(views: Sequence[CameraPicture], phrase: str) -> list[Match]:
+    """The largest patch of the colour that the phrase names, in each view that has one."""
+    matches = []
+    for view in views:
+        hsv = cv2.cvtColor(view.rgb, cv2.COLOR_RGB2HSV).astype(int)
+        near = abs(hsv[..., 0] - HUES[phrase.split()[0]]) < 12
+        patch = (near & (hsv[..., 1] > 130) & (hsv[..., 2] > 60)).astype(np.uint8)
+        _, _, stats, _ = cv2.connectedComponentsWithStats(patch)
+        x, y, width, height, area = max(stats[1:], key=lambda one: int(one[4]), default=(0, 0, 0, 0, 0))
+        if view.camera is not None and area > 40:
+            side = view.rgb.shape[0]
+            box = Box(x_min=x / side, y_min=y / side, x_max=(x + width) / side, y_max=(y + height) / side)
+            matches.append(Match(camera=view.camera.name, box=box, confidence=0.9))
+    return matches
+
+
+with LocalServices() as services:
+    settings = MissionSettings(image_size=400, max_exploration_steps=6)
+    flown = services.fly(sample="street-kite", vision=OwnVision(by_colour), settings=settings)
+
+print(f"{flown.result.outcome}: {flown.result.message}")
+print({role: calls.calls for role, calls in flown.result.model_calls.items()})

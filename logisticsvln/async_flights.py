@@ -1,0 +1,206 @@
+"""Deliveries flown from this process, awaited: the services run beside it, policy and model are its own Python.
+
+`logisticsvln.LocalServices` is the same for programs without an event loop.
+"""
+
+import contextlib
+import dataclasses
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from contracts.events import Event
+from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, OpenQuestion
+from contracts.scene import Scene
+from launcher.processes import Processes, free_ports, oracle_settings
+from logisticsvln.policies import Policy, with_policy
+from logisticsvln.scenes import read_scene
+from logisticsvln.vision import Model, OwnVision
+from mission.clients import Services, Simulated
+from mission.customer import AnsweredBeforehand, Customer
+from mission.model_check import WrongModel, check_models
+from mission.record import read_events
+from orchestrator.delivery import BadDelivery, Listener, Order, Run
+from service_kit.addresses import FLIGHT_SERVICES, Addresses
+from service_kit.connections import Connections
+from service_kit.settings import process_environment
+
+ORACLE = "oracle"
+
+
+class Flown(NamedTuple):
+    """A delivery that was flown: its result, and the folder of its record."""
+
+    result: DeliveryResult
+    folder: Path
+
+    @property
+    def events(self) -> list[Event]:
+        """Everything that happened, in its order."""
+        return read_events(self.folder)
+
+    @property
+    def summary(self) -> Path:
+        """One picture of the delivery (PNG)."""
+        return self.folder / "summary.png"
+
+
+class AsyncLocalServices:
+    """Simulator, parser, gateway and depth service as processes of this machine, for as long as the context lasts.
+
+    Other services, at addresses of their own, do as well. Starting takes some seconds, so fly as much as possible in
+    one context.
+    """
+
+    def __init__(
+        self,
+        *,
+        oracle: bool = False,
+        at: Addresses | None = None,
+        logs: Path | None = None,
+        settings: Mapping[str, Mapping[str, str]] | None = None,
+        patience_s: float = 0.0,
+    ) -> None:
+        """Takes what the flights have in common.
+
+        Args:
+        oracle: Switches the simulator's truth on, for `vision="oracle"`.
+        at: Services that run already, instead of starting some.
+        logs: Where what the services say is kept; nowhere without it.
+        settings: More environment variables by service, such as `{"sim": {"SIM_CATALOGUE": "my-things"}}`.
+        patience_s: How long a service may be away before a flight fails for it.
+        """
+        self._oracle = oracle
+        self._at = at
+        self._logs = logs
+        self._settings = {name: dict(more) for name, more in (settings or {}).items()}
+        self._patience_s = patience_s
+        self._stack = contextlib.AsyncExitStack()
+        self._clients: Services | None = None
+
+    @property
+    def clients(self) -> Services:
+        """The services' clients. Raises RuntimeError outside the context."""
+        if self._clients is None:
+            raise RuntimeError("the services run inside `with` only")
+        return self._clients
+
+    async def fly(
+        self,
+        request: str | None = None,
+        scene: Scene | str | Path | None = None,
+        *,
+        sample: str | None = None,
+        policy: Policy | None = None,
+        vision: Model = "embedded",
+        settings: MissionSettings | None = None,
+        answers: "Sequence[str] | Customer | Callable[[OpenQuestion], str | None]" = (),
+        on_event: Listener | None = None,
+        out: str | Path = "runs",
+    ) -> Flown:
+        """Flies one delivery, and returns when it is over, however it ended.
+
+        Args:
+            request: The customer's words; a sample has its own.
+            scene: A scene document, or the file of one.
+            sample: The name of a delivery that ships with the project, instead of a scene.
+            policy: How to search: a name, a `SearchPolicy`, or a function of (look, tools); the settings' own
+                without it.
+            vision: Who sees: a model of the gateway by its name, an `OwnVision`, or a model of one's own that one is
+                made of.
+            settings: Every free constant of the mission.
+            answers: What the customer says to what the request leaves open: texts given beforehand, or a function
+                that is asked.
+            on_event: Hears every event as it happens.
+            out: The folder in which the record's folder is made.
+
+        Raises:
+            BadDelivery: For what can't be flown as it is asked for.
+            BadScene: For a file that is no scene.
+            Exception: Whatever policy or model raise, after the drone was given back.
+        """
+        own = None if isinstance(vision, str) else vision if isinstance(vision, OwnVision) else OwnVision(vision)
+        seeing = vision if isinstance(vision, str) else (own.rest if own else "")
+        if seeing == ORACLE and self._at is None and not self._oracle:
+            raise BadDelivery("vision: the oracle needs the simulator's truth: LocalServices(oracle=True)")
+        flown_with, given = with_policy(settings or MissionSettings(), policy)
+        question = DeliveryQuestion(
+            request=request,
+            scene=read_scene(scene) if isinstance(scene, str | Path) else scene,
+            sample=sample,
+            backend=seeing if own is None else own.name,
+            settings=flown_with,
+        )
+        order, customer = Order(question, policy=given), _customer(answers)
+        await self._check(seeing, flown_with.parser_model)
+        run = Run(order, Path(out), listener=on_event)
+        result = await run.fly(self._simulated(own), customer)
+        if run.problem is not None:
+            run.problem.add_note(f"the record of the flight is in {run.record.folder}")
+            raise run.problem
+        return Flown(result, run.record.folder)
+
+    async def __aenter__(self) -> Self:
+        """Raises CannotStart where a service can't be started, BadSetting for settings that are none."""
+        environment = process_environment()
+        try:
+            at = self._at or await self._started(environment)
+            tokens = Connections.read(environment).tokens
+            self._clients = await self._stack.enter_async_context(Services(at, tokens, self._patience_s))
+        except BaseException:
+            await self._stack.aclose()
+            raise
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._clients = None
+        await self._stack.aclose()
+
+    async def _started(self, environment: Mapping[str, str]) -> Addresses:
+        ports = free_ports(FLIGHT_SERVICES)
+        extra = oracle_settings(ports) if self._oracle else {}
+        for name, more in self._settings.items():
+            extra[name] = extra.get(name, {}) | more
+        logs = self._logs or Path(self._stack.enter_context(TemporaryDirectory(prefix="logisticsvln-")))
+        folder = logs / time.strftime("%Y%m%d-%H%M%S")
+        own = Processes(ports, folder, environment=environment, extra=extra)
+        return (await self._stack.enter_async_context(own)).addresses
+
+    async def _check(self, seeing: str, parsing: str | None) -> None:
+        """Raises BadDelivery, PortError."""
+        try:
+            await check_models(self.clients.ports().vision, seeing, parsing)
+        except WrongModel as error:
+            raise BadDelivery(str(error)) from None
+
+    def _simulated(self, own: OwnVision | None) -> Simulated:
+        simulated = self.clients.simulated()
+        if own is None:
+            return simulated
+        ports = dataclasses.replace(simulated.ports, vision=own.before(simulated.ports.vision))
+        return simulated._replace(ports=ports)
+
+
+def _customer(answers: "Sequence[str] | Customer | Callable[[OpenQuestion], str | None]") -> Customer | None:
+    if isinstance(answers, str):
+        raise BadDelivery("answers: give a list of texts, one for each question")
+    if isinstance(answers, Sequence):
+        return AnsweredBeforehand(answers) if answers else None
+    return AskedFunction(answers) if callable(answers) else answers
+
+
+class AskedFunction:
+    """A customer who is a function of the question."""
+
+    patience_s = 86_400.0
+
+    def __init__(self, function: Callable[[OpenQuestion], str | None]) -> None:
+        self._function = function
+
+    async def answer(self, number: int, question: OpenQuestion) -> str | None:
+        return self._function(question)
