@@ -10,6 +10,7 @@ from orchestrator.carrier import Carrier
 from orchestrator.deliveries import Bounds, Deliveries
 from orchestrator.engine import Engine
 from orchestrator.hangar import Hangar
+from orchestrator.intake import Intake
 from orchestrator.keeper import Keeper
 from orchestrator.records import Records
 from orchestrator.retention import Keep, Retention
@@ -56,7 +57,9 @@ class Orchestrator:
         self._store = store
         self._records = records
         self._watch = Watch(store)
-        self._carrier = Carrier(Tools(store, self._vehicles, hangar, records, policy), self._watch, executor)
+        intake = Intake(store)
+        tools = Tools(store, self._vehicles, hangar, records, policy)
+        self._carrier = Carrier(tools, self._watch, intake, executor)
         self._upkeep = UpkeepStore(database.engine)
         self._retention = Retention(self._upkeep, records, keep or Keep())
         self._webhooks = None if webhook is None else Webhooks(webhook, store, records)
@@ -67,12 +70,13 @@ class Orchestrator:
             store,
             ExecutorStore(database.engine),
             self._engine,
+            intake,
             self._carrier,
             executor,
             alone=not database.shared,
             lost_after_s=lost_after_s,
         )
-        self.deliveries = Deliveries(store, self._upkeep, self._watch, self._keeper, hangar, records, bounds)
+        self.deliveries = Deliveries(store, intake, self._upkeep, self._watch, self._keeper, hangar, records, bounds)
 
     async def start(self) -> None:
         """Takes up what is there, and what comes."""

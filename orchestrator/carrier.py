@@ -9,12 +9,15 @@ from sqlalchemy.exc import DBAPIError
 from contracts.events import new_event
 from contracts.orchestrator import DeliveryResult
 from mission.record import failed
+from orchestrator.intake import Intake
 from orchestrator.store.deliveries import DeliveryStore, Ending, StoredDelivery, Superseded
 from orchestrator.turns import Tools, Turn
 from orchestrator.watch import Watch
 
 log = logging.getLogger("orchestrator.carrier")
 
+GIVES_WAY_S = 0.5
+"""So long a step on the ground waits while deliveries come in."""
 TROUBLE_PAUSE_S = 2.0
 """After that a step is done again for which the database or the record's folder was away."""
 
@@ -22,9 +25,10 @@ TROUBLE_PAUSE_S = 2.0
 class Carrier:
     """`executor` names this process."""
 
-    def __init__(self, tools: Tools, watch: Watch, executor: str) -> None:
+    def __init__(self, tools: Tools, watch: Watch, intake: Intake, executor: str) -> None:
         self._tools = tools
         self._watch = watch
+        self._intake = intake
         self._executor = executor
         self._turns: dict[str, Turn] = {}
         self._closing = False
@@ -39,6 +43,8 @@ class Carrier:
             await asyncio.Event().wait()  # what is left is another process's
         try:
             turn = self._turns.get(name) or await self._take_up(name, number)
+            if turn is not None and turn.on_the_ground:
+                await self._intake.let_pass(GIVES_WAY_S)
             if turn is not None and await turn.step():
                 return True
         except Superseded:

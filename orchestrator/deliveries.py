@@ -15,12 +15,13 @@ from mission.ports import PortError
 from mission.record import DELIVERY_ID, PICTURE_NAME, new_id
 from orchestrator.delivery import BadDelivery, Order
 from orchestrator.hangar import Hangar
+from orchestrator.intake import Intake
 from orchestrator.keeper import Keeper
 from orchestrator.records import Records, delivery_of
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
 from orchestrator.store.upkeep import Page, UpkeepStore
 from orchestrator.watch import Watch
-from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany
+from service_kit.errors import BadQuestion, Conflict, NotFound, ServiceError, TooMany
 
 PREFLIGHT_S = 10.0
 """How long the gateway may take to say whether there is a model; it may have to load it."""
@@ -42,6 +43,7 @@ class Deliveries:
     def __init__(
         self,
         store: DeliveryStore,
+        intake: Intake,
         upkeep: UpkeepStore,
         watch: Watch,
         keeper: Keeper,
@@ -50,6 +52,7 @@ class Deliveries:
         bounds: Bounds | None = None,
     ) -> None:
         self._store = store
+        self._intake = intake
         self._upkeep = upkeep
         self._watch = watch
         self._keeper = keeper
@@ -64,8 +67,19 @@ class Deliveries:
         """Takes a delivery, which is then queued; the same `key` again is the same delivery. Raises BadQuestion (also
         for a model that there is not, and for a key that was another delivery's), TooMany."""
         asked = question.model_dump_json()
-        if key is not None and (known := await asyncio.to_thread(self._store.of_key, key)) is not None:
+        try:
+            order = self._order(question)
+            await self._check(order)
+            await self._check_room()
+        except ServiceError:
+            known = None if key is None else await asyncio.to_thread(self._store.of_key, key)
+            if known is None:
+                raise
             return self._same(known, asked)
+        return self._same(await self._taken(_new(question, asked, order, key)), asked)
+
+    def _order(self, question: DeliveryQuestion) -> Order:
+        """Raises BadQuestion for a delivery that can't be flown as it is asked for."""
         try:
             order = Order(question, own_vehicles="vehicle" in self._kinds)
         except BadDelivery as error:
@@ -74,26 +88,19 @@ class Deliveries:
             raise BadQuestion("scene: no simulator is part of the fleet; leave scene and sample out")
         if question.deadline is not None and question.deadline.timestamp() <= time.time():
             raise BadQuestion("deadline: it has passed; give a time to come", code="deadline_passed")
-        await self._check(order)
-        await self._check_room()
-        taken = await asyncio.to_thread(self._add, _new(question, asked, order, key), key)
-        if taken.question != asked:
-            return self._same(taken, asked)
-        self._waiting += 1
-        self._keeper.nudge()
-        return delivery_of(taken, self._records.runs)
+        return order
 
-    def _add(self, values: dict[str, object], key: str | None) -> StoredDelivery:
-        """The new delivery, or the one that another call has just added under that key."""
-        while not self._store.add(values):
-            if key is not None and (known := self._store.of_key(key)) is not None:
-                return known
-            values["id"] = new_id()
-        added = self._store.get(str(values["id"]))
-        assert added is not None
-        return added
+    async def _taken(self, row: dict[str, object]) -> StoredDelivery:
+        """The new delivery, or the one that has its key already."""
+        while (taken := await self._intake.add(row)) is None:
+            row["id"] = new_id()
+        if taken.id == row["id"]:
+            self._waiting += 1
+            self._keeper.nudge()
+        return taken
 
     def _same(self, known: StoredDelivery, asked: str) -> Delivery:
+        """Raises BadQuestion where the stored one was asked for in other words."""
         if known.question != asked:
             raise BadQuestion(
                 f"Idempotency-Key: delivery {known.id} has it, and was asked for in other words; give each delivery a "

@@ -8,12 +8,12 @@ and not recorded is, when it is done again, the next one.
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 
-from dbos import DBOS, DBOSConfig, EnqueueOptions, StepOptions
+from dbos import DBOS, DBOSClient, DBOSConfig, EnqueueOptions, StepOptions
 
 from contracts.fleet import VehicleKind
 from contracts.orchestrator import MAX_PRIORITY
 from orchestrator.store.database import Database
-from orchestrator.store.deliveries import StoredDelivery
+from orchestrator.store.deliveries import StoredDelivery, mark_queued
 
 CarryOn = Callable[[str, int], Awaitable[bool]]
 """One step of that turn of a delivery; false when the turn is over."""
@@ -21,6 +21,7 @@ CarryOn = Callable[[str, int], Awaitable[bool]]
 Send = Callable[[str, str], Awaitable[None]]
 """Sends the message of that id about that delivery; raises where it was not taken."""
 
+APPLICATION = "logisticsvln"
 TURN = "turn"
 MESSAGE = "message"
 MESSAGES_AT_A_TIME = 8
@@ -57,6 +58,7 @@ class Engine:
         self._carry_on = carry_on
         self._poll_s = poll_s
         self._room: dict[VehicleKind, int] = {}
+        self._client = DBOSClient(system_database_engine=database.engine, application_name=APPLICATION, lazy=True)
         self._running = False
 
     async def launch(self, room: Mapping[VehicleKind, int]) -> None:
@@ -64,7 +66,7 @@ class Engine:
         processes. Workflows run in the calling event loop."""
         carry_on = self._carry_on
         config: DBOSConfig = {
-            "name": "logisticsvln",
+            "name": APPLICATION,
             "system_database_url": self._database.url.render_as_string(hide_password=False),
             "system_database_engine": self._database.engine,
             "executor_id": self._executor,
@@ -110,19 +112,22 @@ class Engine:
                 await DBOS.register_queue_async(kind, global_concurrency=number, polling_interval_sec=self._poll_s)
 
     async def queue(self, turns: Sequence[StoredDelivery]) -> None:
-        """The due turns of these deliveries; one that is queued already is not queued again."""
+        """Queues the due turns of these deliveries, in one transaction; one that is queued already is not queued
+        again."""
         await asyncio.to_thread(self._queue, turns)
 
     def _queue(self, turns: Sequence[StoredDelivery]) -> None:
-        for stored in turns:
-            options: EnqueueOptions = {
-                "workflow_name": TURN,
-                "queue_name": stored.lane,
-                "workflow_id": workflow_id(stored.id, stored.turn),
-                "app_version": WORKFLOWS_VERSION,
-                "priority": rank(stored.priority, stored.created),
-            }
-            DBOS.enqueue_workflow_with_options(options, stored.id, stored.turn)
+        with self._database.engine.begin() as transaction:
+            for stored in turns:
+                options: EnqueueOptions = {
+                    "workflow_name": TURN,
+                    "queue_name": stored.lane,
+                    "workflow_id": workflow_id(stored.id, stored.turn),
+                    "app_version": WORKFLOWS_VERSION,
+                    "priority": rank(stored.priority, stored.created),
+                }
+                self._client.enqueue_in_transaction(transaction, options, stored.id, stored.turn)
+            mark_queued(transaction, turns)
 
     async def take_over(self, dead: Sequence[str]) -> None:
         """Turns that were begun by processes that have died are queued again, and go on at the step that they had come

@@ -9,6 +9,7 @@ from collections.abc import Awaitable, Callable
 
 from orchestrator.carrier import Carrier
 from orchestrator.engine import Engine
+from orchestrator.intake import Intake
 from orchestrator.store.deliveries import DeliveryStore, Ending
 from orchestrator.store.executors import ExecutorStore
 
@@ -16,8 +17,8 @@ log = logging.getLogger("orchestrator.keeper")
 
 QUEUE_EVERY_S = 0.5
 BATCH = 20
-PAUSE_S = 0.05
-"""Between two batches: what comes in at the door goes first."""
+GIVES_WAY_S = 0.5
+"""So long a batch waits while deliveries come in."""
 END_EVERY_S = 1.0
 BEATS = 5
 """So many signs of life in the time after which a process counts as dead."""
@@ -32,6 +33,7 @@ class Keeper:
         store: DeliveryStore,
         executors: ExecutorStore,
         engine: Engine,
+        intake: Intake,
         carrier: Carrier,
         executor: str,
         *,
@@ -43,6 +45,7 @@ class Keeper:
         self._store = store
         self._executors = executors
         self._engine = engine
+        self._intake = intake
         self._carrier = carrier
         self._executor = executor
         self._alone = alone
@@ -86,11 +89,10 @@ class Keeper:
             await asyncio.sleep(seconds)
 
     async def _queue_due(self) -> None:
+        await self._intake.let_pass(GIVES_WAY_S)
         turns = await asyncio.to_thread(self._store.due, BATCH)
         if turns:
             await self._engine.queue(turns)
-            await asyncio.to_thread(self._store.queued, [(turn.id, turn.turn) for turn in turns])
-            await asyncio.sleep(PAUSE_S if len(turns) == BATCH else 0.0)
             return
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._nudged.wait(), QUEUE_EVERY_S)

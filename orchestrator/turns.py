@@ -121,14 +121,14 @@ class Turn:
             await self._conclude()
             return False
         stage = self._state.stage
-        if self._on_the_ground and isinstance(stage, PlaceDrone):
+        if self.on_the_ground and isinstance(stage, PlaceDrone):
             await self._park(Following(self._order.flown_by, max(time.time(), self._stored.not_before or 0.0)))
             return False
-        if isinstance(stage, NeedsAnswer) and self._on_the_ground and not await self._answered(stage):
+        if isinstance(stage, NeedsAnswer) and self.on_the_ground and not await self._answered(stage):
             answer_by = stage.question.answer_by.timestamp()
             await self._park(Following("request", answer_by, question=len(self._state.exchanges) + 1))
             return False
-        if not self._on_the_ground and self._vehicle is None and not await self._board():
+        if not self.on_the_ground and self._vehicle is None and not await self._board():
             await self._park(Following(self._order.flown_by, time.time() + NO_VEHICLE_S))
             return False
         state = await self._advanced()
@@ -139,7 +139,8 @@ class Turn:
         return True
 
     @property
-    def _on_the_ground(self) -> bool:
+    def on_the_ground(self) -> bool:
+        """It has no vehicle yet, and needs none for what it does."""
         return self._stored.lane in ("request", "prompt") and self._vehicle is None
 
     async def _advanced(self) -> MissionState:

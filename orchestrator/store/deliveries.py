@@ -7,11 +7,12 @@ processes from carrying the same delivery on: the turn's number, and a version t
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import sqlalchemy as sa
+from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import IntegrityError
 
 from contracts.orchestrator import DeliveryStatus, Phase
@@ -72,9 +73,19 @@ class Following(NamedTuple):
     question: int | None = None
 
 
+def mark_queued(c: sa.Connection, turns: Sequence[StoredDelivery]) -> None:
+    """The engine has the turns of these deliveries, as they stood; to be written with the engine's own rows."""
+    same = (deliveries.c.id == sa.bindparam("of"), deliveries.c.turn == sa.bindparam("number"))
+    given = [{"of": stored.id, "number": stored.turn} for stored in turns]
+    c.execute(deliveries.update().where(*same).values(due=None), given)
+
+
 def stored_delivery(row: sa.Row[Any]) -> StoredDelivery:
     """A row of the table."""
     return StoredDelivery(**row._mapping)
+
+
+_INSERT: Mapping[str, Callable[[sa.Table], Any]] = {"sqlite": sqlite.insert, "postgresql": postgresql.insert}
 
 
 def _tell(c: sa.Connection, name: str, told: Sequence[tuple[int, str]]) -> None:
@@ -97,6 +108,24 @@ class DeliveryStore:
         except IntegrityError:
             return False
         return True
+
+    def add_all(self, rows: Sequence[Mapping[str, object]]) -> list[StoredDelivery | None]:
+        """New deliveries, whose rows have the same columns. In the place of one whose key is there already comes the
+        delivery that has it; null stands for one whose id is taken."""
+        first: dict[object, Mapping[str, object]] = {}
+        for row in rows:
+            first.setdefault(row["id"], row)
+        with self._engine.begin() as c:
+            insert = _INSERT[c.dialect.name](deliveries).on_conflict_do_nothing().returning(*deliveries.c)
+            added = {row.id: stored_delivery(row) for row in c.execute(insert, list(first.values()))}
+            keys = [key for row in rows if row["id"] not in added and (key := row["idempotency_key"]) is not None]
+            chosen = sa.select(deliveries).where(deliveries.c.idempotency_key.in_(keys))
+            known = {row.idempotency_key: stored_delivery(row) for row in (c.execute(chosen) if keys else ())}
+        found: list[StoredDelivery | None] = []
+        for row in rows:
+            new = added.get(row["id"]) if first[row["id"]] is row else None
+            found.append(new or known.get(row["idempotency_key"]))
+        return found
 
     def get(self, name: str) -> StoredDelivery | None:
         with self._engine.connect() as c:
@@ -133,13 +162,6 @@ class DeliveryStore:
         with self._engine.connect() as c:
             found = c.execute(sa.select(sa.func.min(deliveries.c.due))).scalar()
             return None if found is None else float(found)
-
-    def queued(self, turns: Sequence[tuple[str, int]]) -> None:
-        """The engine has these turns."""
-        with self._engine.begin() as c:
-            for name, turn in turns:
-                same = (deliveries.c.id == name, deliveries.c.turn == turn)
-                c.execute(deliveries.update().where(*same).values(due=None))
 
     def take_up(self, name: str, turn: int, executor: str) -> StoredDelivery | None:
         """The delivery for whoever carries it on from now; null where that turn is over."""

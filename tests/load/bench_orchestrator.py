@@ -1,14 +1,16 @@
 """How fast a burst of deliveries is taken, and what a fleet costs that waits.
 
     python -m tests.load.bench_orchestrator --posts 10000 --callers 4
+    python -m tests.load.bench_orchestrator --posts 10000 --rate 200
+    python -m tests.load.bench_orchestrator --posts 1000 --idle
 
 A real orchestrator on SQLite, or on `--database`; its parser and gateway answer at once, and its simulator is away, so
 that every delivery is read and then waits for a vehicle.
 """
 
 import argparse
+import asyncio
 import os
-import queue
 import sys
 import tempfile
 import threading
@@ -16,6 +18,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import aiohttp
 import httpx
 import uvicorn
 from fastapi import FastAPI
@@ -47,33 +50,37 @@ def services() -> str:
     return f"http://127.0.0.1:{port}"
 
 
-def burst(url: str, posts: int, callers: int) -> tuple[list[float], float]:
-    """Seconds that each post took, and all of them together."""
-    todo: queue.SimpleQueue[int] = queue.SimpleQueue()
-    for number in range(posts):
-        todo.put(number)
+async def burst(url: str, posts: int, callers: int, rate_per_s: float) -> tuple[list[float], float]:
+    """Seconds that each post took, and all of them together. Each of so many callers posts one after the other; with a
+    rate posts leave at their times, whether or not earlier ones have been answered, and count from then."""
     took: list[float] = []
+    todo = iter(range(posts))
+    connections = aiohttp.TCPConnector(limit=0 if rate_per_s else callers)
+    async with aiohttp.ClientSession(base_url=url, connector=connections) as client:
 
-    def call() -> None:
-        with httpx.Client(base_url=url, timeout=60) as client:
-            while not todo.empty():
-                try:
-                    number = todo.get_nowait()
-                except queue.Empty:
-                    return
-                body = {"sample": "green-flower-pot", "priority": number % 10}
-                began = time.perf_counter()
-                answer = client.post("/v1/deliveries", json=body, headers={"Idempotency-Key": f"burst {number}"})
-                took.append(time.perf_counter() - began)
-                assert answer.status_code == 202, answer.text
+        async def post(number: int, due: float) -> None:
+            body = {"sample": "green-flower-pot", "priority": number % 10}
+            async with client.post(
+                "/v1/deliveries", json=body, headers={"Idempotency-Key": f"burst {number}"}
+            ) as answer:
+                assert answer.status == 202, await answer.text()
+                await answer.read()
+            took.append(time.perf_counter() - due)
 
-    threads = [threading.Thread(target=call) for _ in range(callers)]
-    began = time.perf_counter()
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    return took, time.perf_counter() - began
+        async def call() -> None:
+            for number in todo:
+                await post(number, time.perf_counter())
+
+        async def punctually(number: int, due: float) -> None:
+            await asyncio.sleep(max(0.0, due - time.perf_counter()))
+            await post(number, due)
+
+        began = time.perf_counter()
+        if rate_per_s:
+            await asyncio.gather(*(punctually(number, began + number / rate_per_s) for number in todo))
+        else:
+            await asyncio.gather(*(call() for _ in range(callers)))
+        return took, time.perf_counter() - began
 
 
 def count(url: str) -> int:
@@ -122,6 +129,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--posts", type=int, default=10_000)
     parser.add_argument("--callers", type=int, default=4)
+    parser.add_argument("--rate", type=float, default=0.0, help="posts a second, however many are under way")
+    parser.add_argument("--idle", action="store_true", help="wait until all are read, and measure what they cost then")
     parser.add_argument("--database", help="postgresql://...; SQLite without it")
     asked = parser.parse_args()
     at = services()
@@ -133,12 +142,15 @@ def main() -> None:
         orchestrator.start()
         try:
             before = rss_mb(orchestrator.pid)
-            took, seconds = burst(orchestrator.url, asked.posts, asked.callers)
+            took, seconds = asyncio.run(burst(orchestrator.url, asked.posts, asked.callers, asked.rate))
             took.sort()
             p50, p99 = (1000 * took[int(q * (len(took) - 1))] for q in (0.5, 0.99))
             kept = count(orchestrator.url)
-            say(f"{asked.posts} posts by {asked.callers} callers: {asked.posts / seconds:.0f}/s")
+            how = f"at {asked.rate:g}/s" if asked.rate else f"by {asked.callers} callers"
+            say(f"{asked.posts} posts {how}: {asked.posts / seconds:.0f}/s")
             say(f"p50 {p50:.1f} ms, p99 {p99:.1f} ms, {kept} kept, RSS +{rss_mb(orchestrator.pid) - before:.0f} MB")
+            if not asked.idle:
+                return
             wait_until_read(orchestrator.url)
             share = idle_share(orchestrator.pid)
             say(f"{kept} waiting: {100 * share:.1f} % of a core, RSS {rss_mb(orchestrator.pid):.0f} MB")

@@ -1,12 +1,13 @@
 """What deliveries' tables promise, over SQLite and PostgreSQL."""
 
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from orchestrator.store.database import Database
-from orchestrator.store.deliveries import DeliveryStore, Following, Superseded
+from orchestrator.store.deliveries import DeliveryStore, Following, Superseded, mark_queued
 from orchestrator.store.executors import ExecutorStore
 from orchestrator.store.tables import schema_version
 from orchestrator.store.vehicles import VehicleStore
@@ -33,13 +34,35 @@ def test_a_delivery_is_added_once_under_its_id_and_its_key(store: DeliveryStore)
     assert (found.id, store.get("b"), store.of_key("other")) == ("a", None, None)
 
 
-def test_due_turns_come_by_priority_and_then_by_age_until_they_are_queued(store: DeliveryStore) -> None:
+def test_deliveries_added_together_are_each_added_once_under_their_ids_and_keys(store: DeliveryStore) -> None:
+    store.add(row("old", idempotency_key="k"))
+    together = [
+        row("a", idempotency_key=None),
+        row("b", idempotency_key="new"),
+        row("c", idempotency_key="new"),
+        row("d", idempotency_key="k"),
+        row("a", idempotency_key=None, request="another"),
+        row("old", idempotency_key=None),
+    ]
+    found = store.add_all(together)
+    assert [stored and stored.id for stored in found] == ["a", "b", "b", "old", None, None]
+    assert found[0] == store.get("a")
+    assert found[0] is not None
+    assert (found[0].request, found[0].answers, found[0].turn) == ("bring it", "[]", 1)
+    assert store.known(["c", "d"]) == set()
+
+
+def test_due_turns_come_by_priority_and_then_by_age_until_they_are_queued(
+    store: DeliveryStore, database: Database
+) -> None:
     now = time.time()
     waiting = [("old", 0, now), ("new", 0, now), ("urgent", 9, now), ("later", 9, now + 99)]
     for k, (name, priority, due) in enumerate(waiting):
         store.add(row(name, priority=priority, due=due, created=now + k))
     assert [stored.id for stored in store.due(10)] == ["urgent", "old", "new"]
-    store.queued([("urgent", 1), ("old", 7)])
+    urgent, old, _ = store.due(10)
+    with database.engine.begin() as transaction:
+        mark_queued(transaction, [urgent, replace(old, turn=7)])
     assert [stored.id for stored in store.due(10)] == ["old", "new"], "turn 7 is another one"
 
 
