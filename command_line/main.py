@@ -27,6 +27,7 @@ COMMANDS = {
     "bench": Listed("bench", "Fly a task set and print the figures; put the shards of a run together."),
     "report": Listed("report", "One HTML page of runs: the paper's tables with ours beside them, and every failure."),
     "compare": Listed("report", "Runs side by side, with paired tests against the first."),
+    "export": Listed("export", "A run's flights as a dataset or recordings: LeRobot, Rerun, MCAP, COCO."),
     "evaluate": Listed("evaluate", "Measure a vision model on fresh streets."),
 }
 
