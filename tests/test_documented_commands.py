@@ -47,7 +47,7 @@ def commands_of(document: Path) -> Iterator[Documented]:
         for part in _parts(words):
             while part and re.match(r"[A-Z_0-9]+=", part[0]):
                 part = part[1:]
-            if part and Path(part[0]).name in ("logisticsvln", "make", "python"):
+            if part and not part[0].endswith("/") and Path(part[0]).name in ("logisticsvln", "make", "python"):
                 yield Documented(document.relative_to(ROOT).as_posix(), (Path(part[0]).name, *part[1:]))
 
 
