@@ -11,6 +11,8 @@ SAID = {
     "first_flight.py": "delivered: in front of the right window",
     "own_policy.py": "farthest-way: delivered",
     "own_model.py": "delivered: in front of the right window",
+    "random_agent.py": "'outcome': '",
+    "scripted_agent.py": "{'task': 'green-flower-pot', 'outcome': '",
 }
 QUICK = {"first_flight.py"}
 

@@ -1,0 +1,91 @@
+"""What an episode is about: a request in a scene, from a task set, the samples, or a scene of one's own."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from contracts.geometry import Point3
+from contracts.orchestrator import Sample
+from contracts.scene import FreePlace, Scene
+from evaluation.task_set.shortest import SECOND, goal_slot, ways
+from evaluation.task_set.task import Task
+from evaluation.task_set.task_files import load
+from orchestrator import sample_library
+
+SAMPLES = "samples"
+
+
+class Assignment(NamedTuple):
+    """`shortest_m`: the shortest way on the plan, where it was worked out already."""
+
+    name: str
+    request: str
+    scene: Scene
+    shortest_m: float | None = None
+
+
+class Goal(NamedTuple):
+    """By what an episode is measured: the middle of the customer's window, and the shortest way to a stop before it
+    (metres on the plan; None where there is none)."""
+
+    place: Point3
+    shortest_m: float | None
+
+
+def assignments_of(tasks: str | Sequence[Task | Sample]) -> tuple[Assignment, ...]:
+    """Of the samples, a shipped set, a file of tasks, or tasks at hand. Raises BadTasks, ValueError."""
+    if isinstance(tasks, str):
+        if tasks != SAMPLES:
+            tasks = load(tasks).tasks
+        else:
+            tasks = [sample_library.load(name) for name in sample_library.names()]
+    if not tasks:
+        raise ValueError("tasks: there are none; give at least one")
+    return tuple(assignment_of(task) for task in tasks)
+
+
+def assignment_of(task: Task | Sample) -> Assignment:
+    if isinstance(task, Task):
+        return Assignment(task.id, task.request, task.scene, task.shortest_horizontal_m)
+    return Assignment(task.name, task.request, task.scene)
+
+
+def chosen_by(options: Mapping[str, Any], among: Sequence[Assignment]) -> Assignment | None:
+    """What `reset`'s options name: `task` (a name of the set, a Task or a Sample), or a `scene`; with a `request` of
+    one's own. None where they name nothing. Raises ValueError."""
+    unknown = sorted(set(options) - {"task", "scene", "request"})
+    if unknown:
+        raise ValueError(f"options: there is no {unknown[0]!r}; there are task, scene and request")
+    task, scene, request = options.get("task"), options.get("scene"), options.get("request")
+    if task is not None and scene is not None:
+        raise ValueError("options: give a task or a scene, not both")
+    if scene is not None:
+        if not request:
+            raise ValueError("options: a scene needs a request, the customer's words")
+        return Assignment(scene.name, request, scene)
+    if task is None:
+        if request:
+            raise ValueError("options: a request needs a task or a scene to be said in")
+        return None
+    if isinstance(task, str):
+        named = next((one for one in among if one.name == task), None)
+        if named is None:
+            raise ValueError(f"options: there is no task {task!r}; {among[0].name} to {among[-1].name} are there")
+    else:
+        named = assignment_of(task)
+    return named._replace(request=request) if request else named
+
+
+def goal_of(assignment: Assignment) -> Goal | None:
+    """None in a scene without a goal."""
+    scene = assignment.scene
+    thing = next((o for o in scene.objects if o.id == scene.goal), None)
+    if thing is None:
+        return None
+    if isinstance(thing.place, FreePlace):
+        return Goal(thing.place.position, assignment.shortest_m)
+    x, y, z = goal_slot(scene).centre
+    shortest_m = assignment.shortest_m
+    if shortest_m is None:
+        found = next(iter(ways(scene, SECOND)), None)
+        shortest_m = None if found is None else found.horizontal_m
+    return Goal(Point3(x=x, y=y, z=z), shortest_m)
