@@ -18,6 +18,7 @@ RefusalReason = Literal[
     "stale_frames",
     "pose_jump",
     "health",
+    "manual_control",
     "battery_reserve",
     "time_limit",
 ]
@@ -26,7 +27,8 @@ RefusalReason = Literal[
 `geofence`, `below_floor`, `above_ceiling`: it would leave the space that is allowed. `clearance`: it would come too
 near to something that depth has shown. `unseen`: nobody has looked there. `speed`: the vehicle flies faster than it
 may. `blind`: depth shows nothing. `frozen_frames`, `stale_frames`: the pictures are not of now. `pose_jump`: the
-vehicle is not where it flew. `health`: it reports a problem. `battery_reserve`, `time_limit`: it has to go home."""
+vehicle is not where it flew. `health`: it reports a problem. `manual_control`: a
+pilot, or a failsafe of its autopilot, flies it. `battery_reserve`, `time_limit`: it has to go home."""
 
 GuardAction = Literal["none", "hold", "return", "land"]
 """What the guard had the vehicle do: nothing, the planner may try another way; hold where it is; go back along the way

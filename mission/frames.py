@@ -20,6 +20,7 @@ BLIND_SHARE = 0.02
 FINAL: dict[RefusalReason, GuardAction] = {
     "speed": "hold",
     "health": "hold",
+    "manual_control": "none",
     "pose_jump": "hold",
     "stale_frames": "return",
     "frozen_frames": "return",

@@ -19,6 +19,7 @@ from contracts.vehicle import MAX_PATH_POINTS, Move, MoveResult, Observation, Ve
 from mission.frames import FINAL, FlightRefused, FrameWatch
 from mission.looks import FAR_M, navigation_camera
 from mission.places import distance_m, point_of
+from mission.ports import ServiceRefused
 from mission.state import GuardMemory
 from mission.vehicle import Progress, Vehicle
 from navigation import guard
@@ -26,6 +27,8 @@ from navigation.camera import DepthView, Place
 from navigation.camera import Pose as FlownPose
 from navigation.sensing import shown_reach_m
 
+MANUAL = "manual_control"
+"""The code by which a vehicle refuses what it is told, because somebody else flies it."""
 LOOKS_KEPT = 12
 HERE_M = 0.5
 """A look from farther off does not show what is about the drone."""
@@ -125,13 +128,26 @@ class GuardedVehicle:
         if state.moves < number:
             await self._permit(move, state)
         before = state.pose
-        done = await self._vehicle.fly(number, move, progress)
+        try:
+            done = await self._vehicle.fly(number, move, progress)
+        except ServiceRefused as error:
+            if error.code == MANUAL:
+                raise FlightRefused("manual_control", str(error)) from None
+            raise
         self._flown(before, move, done)
         return done
 
     async def end(self, reason: RefusalReason) -> GuardAction:
-        """Brings the vehicle where it may stay; tells what was done. Raises PortError."""
-        action = FINAL.get(reason, "hold")
+        """Brings the vehicle where it may stay; tells what was done: nothing, where somebody else flies it. Raises
+        PortError."""
+        try:
+            return await self._ended(FINAL.get(reason, "hold"), reason)
+        except ServiceRefused as error:
+            if error.code == MANUAL:
+                return "none"
+            raise
+
+    async def _ended(self, action: GuardAction, reason: RefusalReason) -> GuardAction:
         if action == "return":
             await self._vehicle.hold()
             if reason == "battery_reserve" and self._way_home_s() > self._left_s(await self._vehicle.state()):
@@ -185,6 +201,8 @@ class GuardedVehicle:
 
     def _check_vehicle(self, move: Move, state: VehicleState) -> None:
         limits = self.limits
+        if state.mode == "manual":
+            raise FlightRefused("manual_control", ", ".join(state.health.problems) or "a pilot flies it")
         if not state.health.ok:
             raise FlightRefused("health", f"the drone reports a problem: {', '.join(state.health.problems)}")
         if self._pose is not None and (jump_m := distance_m(self._pose, state.pose)) > limits.max_pose_jump_m:

@@ -35,7 +35,7 @@ MAX_REFUSALS = 4
 LOOKS_AGAIN = 2
 """A look that can't be trusted is made again so often."""
 _DONE: dict[GuardAction, str] = {
-    "none": "stays",
+    "none": "is left to whoever flies it",
     "hold": "holds where it is",
     "return": "flew back and landed",
     "land": "landed where it was",

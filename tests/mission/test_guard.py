@@ -11,13 +11,14 @@ from contracts.geometry import Point3
 from contracts.images import decode_depth_units, encode_depth_units
 from contracts.orchestrator import DeliveryResult, MissionSettings, SearchSettings
 from contracts.sim import EpisodeQuestion, Flight
-from contracts.vehicle import Battery, Health, Move, MoveResult, Observation, VehicleState
+from contracts.vehicle import Battery, FlightMode, Health, Move, MoveResult, Observation, VehicleState
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
 from mission.clearances import within_limits
 from mission.frames import FlightRefused
 from mission.guard import GuardedVehicle, guarded
 from mission.mission import Mission
 from mission.policies import completed
+from mission.ports import ServiceRefused
 from tests.mission.block import RADIUS_M, Block, block_scene
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import RIG, WHO, BlockVision, block_placement, block_ports
@@ -36,6 +37,8 @@ class Faulty:
     jump_m: float = 0.0
     remaining: float | None = None
     healthy: bool = True
+    mode: FlightMode | None = None
+    refuses: ServiceRefused | None = None
     flight_s: float = 0.0
     old: bool = False
     looks: int = field(default=0, init=False)
@@ -59,7 +62,14 @@ class Faulty:
         dark = [v.model_copy(update={"depth": encode_depth_units(0 * decode_depth_units(v.depth))}) for v in seen.views]
         return seen.model_copy(update={"views": tuple(dark)})
 
+    async def hold(self) -> VehicleState:
+        if self.refuses is not None:
+            raise self.refuses
+        return await self.vehicle.hold()
+
     async def fly(self, number: int, move: Move, progress=None) -> MoveResult:
+        if self.refuses is not None:
+            raise self.refuses
         done = await self.vehicle.fly(number, move, progress)
         return done.model_copy(update={"vehicle": self._told(done.vehicle)})
 
@@ -68,7 +78,8 @@ class Faulty:
         battery = Battery(remaining=self.remaining if self.remaining is not None else 1.0)
         health = Health() if self.healthy else Health(ok=False, problems=("a rotor stutters",))
         flight_s = state.flight_s + self.flight_s
-        changes = {"pose": pose, "battery": battery, "health": health, "flight_s": flight_s}
+        mode = self.mode or state.mode
+        changes = {"pose": pose, "battery": battery, "health": health, "flight_s": flight_s, "mode": mode}
         return state.model_copy(update=changes)
 
 
@@ -129,6 +140,7 @@ async def test_frozen_cameras_are_noticed_as_soon_as_the_drone_has_moved() -> No
         ("jump_m", 5.0, "pose_jump"),
         ("remaining", 0.16, "battery_reserve"),
         ("healthy", False, "health"),
+        ("mode", "manual", "manual_control"),
         ("flight_s", 1_199.0, "time_limit"),
     ],
 )
@@ -140,6 +152,16 @@ async def test_a_fault_in_the_air_ends_all_flying_by_name(fault_of: str, value: 
     await guard.observe()
     refused = await refusal(guard, Move(path=(Point3(x=0.0, y=-9.0, z=1.5),)), 2)
     assert (refused.reason, refused.final) == (reason, True)
+
+
+async def test_a_pilot_who_takes_over_between_two_looks_ends_all_flying_and_is_not_interfered_with() -> None:
+    fault, guard = await faulty()
+    await guard.fly(1, AHEAD)
+    fault.refuses = ServiceRefused("the pilot has taken over", code="manual_control", status=409)
+    refused = await refusal(guard, Move(path=(Point3(x=0.0, y=-9.0, z=1.5),)), 2)
+    assert (refused.reason, refused.final) == ("manual_control", True)
+    assert await guard.end(refused.reason) == "none"
+    assert await guard.end("health") == "none"
 
 
 async def test_flying_faster_than_allowed_is_the_last_flight() -> None:

@@ -1,0 +1,184 @@
+"""The doors of mavlink_vehicle: the vehicle's contract at `/v1/vehicle`, and, where the simulator draws, the trial's
+routes at `/v1/episodes`, which are the simulator's own."""
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from typing import Annotated
+
+from fastapi import Body, FastAPI, Path, Query, Request
+from fastapi.responses import Response
+
+from contracts.base import Name
+from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.vehicle import (
+    Move,
+    MoveProgress,
+    MoveResult,
+    Observation,
+    TakeOff,
+    VehicleCapabilities,
+    VehicleState,
+)
+from service_kit.app import create_app, json_response
+from service_kit.client import ServiceClient
+from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, Unavailable, error_answers
+from service_kit.leaving import while_asked
+from services.mavlink_vehicle.link import Link
+from services.mavlink_vehicle.release import AfterMission, release
+from services.mavlink_vehicle.trial import Trials
+from services.mavlink_vehicle.vehicle import Vehicle
+
+MAX_BODY_BYTES = 2 * 1024 * 1024
+NOTHING_NAMED = Claim()
+USUAL_HEIGHT = TakeOff()
+OWN = "/v1/vehicle"
+OF_TRIAL = "/v1/episodes/{episode_id}"
+
+EpisodeId = Annotated[str, Path(min_length=1, max_length=80)]
+MoveNumber = Annotated[int, Path(ge=0, le=10**9)]
+VehicleOf = Callable[[Request], Vehicle]
+
+
+def build_app(
+    vehicle: Vehicle,
+    trials: Trials | None,
+    simulator: ServiceClient,
+    *,
+    after_mission: AfterMission = "hold",
+    token: str | None = None,
+) -> FastAPI:
+    """`trials`: null where the vehicle has cameras of its own. Listens to the autopilot while the app is up."""
+    link = vehicle.drone.link
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        await link.start()
+        runs = [vehicle.drone.run(), vehicle.run(), *([trials.run()] if trials is not None else [])]
+        tasks = [asyncio.create_task(run) for run in runs]
+        yield
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        if trials is not None:
+            await trials.close()
+        await vehicle.close()
+        await link.close()
+        await simulator.close()
+
+    app = create_app(
+        "mavlink_vehicle",
+        max_body_bytes=MAX_BODY_BYTES,
+        checks={"autopilot": lambda: _heard(link)} | ({"sim": simulator.usable} if trials is not None else {}),
+        about={"cameras": "simulated" if trials is not None else "its own", "autopilot_address": link.address},
+        token=token,
+        lifespan=lifespan,
+    )
+    _add_vehicle_routes(app, OWN, lambda _: vehicle)
+
+    @app.delete(OWN, status_code=204)
+    async def release_vehicle() -> None:
+        """The mission needs it no more; what it does then is a setting."""
+        await release(vehicle, after_mission)
+
+    if trials is not None:
+        _add_vehicle_routes(app, OF_TRIAL, lambda request: trials.found(request.path_params["episode_id"]))
+        _add_trial_routes(app, trials)
+    return app
+
+
+async def _heard(link: Link) -> str | None:
+    return link.silence if link.telemetry.lost else None
+
+
+def _add_vehicle_routes(app: FastAPI, base: str, vehicle_of: VehicleOf) -> None:
+    """The vehicle's contract (`contracts.vehicle`)."""
+
+    @app.get(base, responses=error_answers(NotFound, Unavailable))
+    async def get_state(request: Request) -> VehicleState:
+        """Where the drone is, also on its way, and how far it has come."""
+        return vehicle_of(request).state()
+
+    @app.get(f"{base}/capabilities", responses=error_answers(NotFound))
+    async def get_capabilities(request: Request) -> VehicleCapabilities:
+        """What the drone is and which cameras it carries."""
+        return vehicle_of(request).capabilities()
+
+    @app.get(f"{base}/observation", response_model=Observation, responses=error_answers(NotFound, Unavailable))
+    async def observe(
+        request: Request,
+        cameras: Annotated[str | None, Query(max_length=1500, description="names by commas; all without it")] = None,
+        depth: bool = True,
+    ) -> Response:
+        """Pictures, and depth unless `depth=false`, of one moment."""
+        names = None if cameras is None else tuple(name.strip() for name in cameras.split(","))
+        return json_response(await while_asked(request, vehicle_of(request).observe(names, depth=depth)))
+
+    @app.post(f"{base}/take-off", responses=error_answers(Conflict, NotFound, Unavailable))
+    async def take_off(request: Request, question: Annotated[TakeOff, Body()] = USUAL_HEIGHT) -> VehicleState:
+        """Waits until the autopilot is ready, arms, rises; a drone that flies stays where it is."""
+        return await vehicle_of(request).take_off(question.height_m)
+
+    @app.put(f"{base}/moves/{{n}}", responses=error_answers(Conflict, NotFound, Unavailable))
+    async def move_drone(request: Request, n: MoveNumber, move: Move) -> MoveResult:
+        """Move number `n`, counted from 1. Sent again with the same body it is answered again and not flown again."""
+        return await vehicle_of(request).move(n, move)
+
+    @app.get(f"{base}/moves/{{n}}", responses=error_answers(NotFound))
+    async def get_progress(request: Request, n: MoveNumber) -> MoveProgress:
+        """How far the last move has come."""
+        return vehicle_of(request).progress(n)
+
+    @app.delete(f"{base}/moves/{{n}}", responses=error_answers(Conflict, NotFound))
+    async def cancel_move(request: Request, n: MoveNumber) -> MoveResult:
+        """Stops the drone on its way; a move that is over stays what it is. The next number is used up unflown."""
+        return await vehicle_of(request).cancel(n)
+
+    @app.post(f"{base}/hold", responses=error_answers(Conflict, NotFound, Unavailable))
+    async def hold(request: Request) -> VehicleState:
+        """Stops the drone on its way."""
+        return await vehicle_of(request).hold()
+
+    @app.post(f"{base}/return", responses=error_answers(Conflict, NotFound, Unavailable))
+    async def return_home(request: Request) -> VehicleState:
+        """By the autopilot's own way to where it took off, there it holds. A move under way is cancelled."""
+        return await vehicle_of(request).return_home()
+
+    @app.post(f"{base}/land", responses=error_answers(Conflict, NotFound, Unavailable))
+    async def land(request: Request) -> VehicleState:
+        """Straight down. A move under way is cancelled."""
+        return await vehicle_of(request).land()
+
+
+def _add_trial_routes(app: FastAPI, trials: Trials) -> None:
+    @app.post("/v1/episodes", status_code=201, responses=error_answers(Conflict, TooMany, Unavailable))
+    async def start_trial(question: EpisodeQuestion) -> Episode:
+        """A scene about the drone, which stands under its start. The same `key` again is the same trial."""
+        return await trials.begin(question)
+
+    @app.delete("/v1/episodes", status_code=204)
+    async def free_trials(key: Name | None = None, owner: Name | None = None) -> None:
+        """Ends the trial that was begun, or is being begun, under this key, or for this owner."""
+        if (key is None) == (owner is None):
+            raise BadQuestion("name either a key or an owner: DELETE /v1/episodes?key=<key>")
+        await trials.free(key, owner)
+
+    @app.get(f"{OF_TRIAL}/trial", responses=error_answers(NotFound))
+    async def get_trial(episode_id: EpisodeId) -> Episode:
+        """The scene, who draws it, whether it was claimed, when it expires. Asking doesn't renew the lease."""
+        return trials.trial(episode_id)
+
+    @app.post(f"{OF_TRIAL}/renew", responses=error_answers(NotFound))
+    async def renew_lease(episode_id: EpisodeId) -> Episode:
+        """A sign of life."""
+        return trials.renew(episode_id)
+
+    @app.post(f"{OF_TRIAL}/claim", responses=error_answers(Conflict, NotFound, Unavailable))
+    async def claim_delivery(episode_id: EpisodeId, claim: Annotated[Claim, Body()] = NOTHING_NAMED) -> Verdict:
+        """Judges where the drone is now. The first claim counts."""
+        return await trials.claim(episode_id, claim)
+
+    @app.delete(OF_TRIAL, status_code=204, responses=error_answers(NotFound))
+    async def end_trial(episode_id: EpisodeId) -> None:
+        """The trial is over, and the drone lands where it is."""
+        await trials.end(episode_id)

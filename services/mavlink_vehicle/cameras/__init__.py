@@ -1,0 +1,1 @@
+"""The vehicle's cameras: one port, two sources."""

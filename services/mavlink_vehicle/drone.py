@@ -1,0 +1,290 @@
+"""The flights of a drone behind an autopilot: take-off, courses, hold, return, landing. In its own local frame.
+
+Every flight looks twenty times a second whether it may go on. It ends early by Stopped (told to), TakenOver (somebody
+else flies), LinkLost, Hit (the world outside says so), or StuckOnTheWay.
+"""
+
+import asyncio
+import logging
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+from services.mavlink_vehicle.control import Control
+from services.mavlink_vehicle.course import Course, Part
+from services.mavlink_vehicle.frames import Alignment, Enu, wrapped
+from services.mavlink_vehicle.link import CommandRefused, Link, LinkLost
+from services.mavlink_vehicle.set_points import EVERY_S, SetPoints
+from services.mavlink_vehicle.telemetry import Telemetry
+
+log = logging.getLogger("mavlink_vehicle.drone")
+
+LINK_PATIENCE_S = 8.0
+READY_WITHIN_S = 45.0
+STREAM_FIRST_S = 0.6
+TRIES, TRY_AGAIN_S = 10, 0.5
+RISES_WITHIN_S = 30.0
+ALMOST_UP_M = 0.3
+LANDS_WITHIN_S = 180.0
+DISARMS_WITHIN_S = 8.0
+RETURNS_WITHIN_S = 300.0
+OVER_HOME_M = 1.0
+SLOW_M_S = 0.35
+STOPS_WITHIN_S = 6.0
+SETTLES_WITHIN_S = 12.0
+CALM_S = 0.3
+
+
+class Tolerance(NamedTuple):
+    """How near to a corner and to the end of its way it must come, and beyond what it has not arrived at all."""
+
+    corner_m: float = 0.5
+    end_m: float = 0.3
+    end_rad: float = math.radians(5.0)
+    lost_m: float = 1.5
+
+
+class Interrupted(Exception):
+    """A flight ended early; the message says why."""
+
+
+class Stopped(Interrupted):
+    """Somebody told it to hold."""
+
+
+class TakenOver(Interrupted):
+    """Somebody else flies it."""
+
+
+class Hit(Interrupted):
+    """The world outside says that it hit something."""
+
+
+class StuckOnTheWay(Interrupted):
+    """It does not come to where it is sent."""
+
+
+class Drone:
+    """`on_the_way` is told the share of a course that is flown."""
+
+    def __init__(self, link: Link, tolerance: Tolerance | None = None) -> None:
+        self.link = link
+        self.telemetry: Telemetry = link.telemetry
+        self.control = Control(link.telemetry)
+        self.set_points = SetPoints(link)
+        self.tolerance = tolerance or Tolerance()
+        self.launch: Enu | None = None
+        self.stop_asked = False
+        self.hit: str | None = None
+
+    async def run(self) -> None:
+        """Streams and watches until it is cancelled."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self.set_points.run())
+            tasks.create_task(self._watch())
+
+    async def _watch(self) -> None:
+        while True:
+            self.control.check()
+            if self.control.taken is not None and self.set_points.aim_at is not None:
+                log.warning("%s: nothing is commanded any more", self.control.taken)
+                self.set_points.stop()
+            if self.control.taken is not None and not self.telemetry.armed and self.telemetry.landed:
+                self.control.leave()
+            await asyncio.sleep(EVERY_S)
+
+    async def ready(self) -> None:
+        """Waits until it may arm. Raises CommandRefused, which says what is missing, and LinkLost."""
+        telemetry = self.telemetry
+        give_up_s = telemetry.clock() + READY_WITHIN_S
+        while telemetry.missing or telemetry.armable is False or telemetry.place is None:
+            if telemetry.clock() > give_up_s:
+                if telemetry.lost:
+                    raise LinkLost(self.link.silence)
+                missing = telemetry.missing or ("a good word on whether it may arm",)
+                raise CommandRefused(f"the autopilot is not ready, it lacks {', '.join(missing)}{telemetry.last_words}")
+            if self.stop_asked:
+                raise Stopped("it was told to stop")
+            await asyncio.sleep(EVERY_S)
+
+    async def take_off(self, height_m: float) -> None:
+        """From the ground to `height_m` above it. Raises CommandRefused, LinkLost, Interrupted."""
+        self.control.leave()
+        await self.ready()
+        start = self._here()
+        self.launch = start
+        self.control.expect("ready", "takeoff", "hold", "offboard", self.telemetry.mode)
+        if self.link.firmware == "ardupilot":
+            # its take-off is one of GUIDED, and a set-point on the ground would end it
+            self.set_points.stop()
+            await self.link.take_set_points()
+        await self.link.arm()
+        await self.link.take_off(height_m)
+        up_m = start.up_m + height_m
+
+        def almost_up() -> bool:
+            place = self.telemetry.place
+            risen = place is not None and place.up_m > up_m - ALMOST_UP_M
+            hovers = self.telemetry.mode == "hold" and self.telemetry.in_air and self.telemetry.speed_m_s < SLOW_M_S
+            return risen or (hovers and place is not None and place.up_m > start.up_m + 1.0)
+
+        if not await self._until(almost_up, RISES_WITHIN_S):
+            raise StuckOnTheWay(f"it did not rise within {RISES_WITHIN_S:g} s{self.telemetry.last_words}")
+        await self.take_over(start._replace(up_m=up_m))
+        await self._settle(start._replace(up_m=up_m))
+
+    async def take_over(self, place: Enu) -> None:
+        """Flies by set-points from now on, at first to `place`. Raises CommandRefused, LinkLost, Interrupted."""
+        self.set_points.aim(place)
+        await self._until(lambda: False, STREAM_FIRST_S)
+        for attempt in range(TRIES):
+            self.control.expect("offboard", self.telemetry.mode)
+            try:
+                await self.link.take_set_points()
+                break
+            except CommandRefused:
+                if attempt == TRIES - 1:
+                    self.set_points.stop()
+                    raise
+                await self._until(lambda: False, TRY_AGAIN_S)
+        self.control.expect("offboard")
+
+    async def fly(self, course: Course, alignment: Alignment, on_the_way: Callable[[float], None]) -> None:
+        """Raises LinkLost, Interrupted; whatever is raised, it holds where it is then, unless somebody else flies."""
+        flown_s, whole_s = 0.0, course.duration_s
+        for number, part in enumerate(course.parts):
+            last = number == len(course.parts) - 1
+            begun_s = self.telemetry.clock()
+            end = alignment.local(part.end, part.end.yaw)
+            try:
+                while not self._there(part, begun_s, end, last=last):
+                    time_s = self.telemetry.clock() - begun_s
+                    point = course.at(part, time_s)
+                    self.set_points.aim(alignment.local(point, point.yaw))
+                    on_the_way(min(1.0, (flown_s + min(time_s, part.duration_s)) / whole_s))
+                    await self._go_on()
+            except (Stopped, Hit):
+                point = course.stop(part, self.telemetry.clock() - begun_s)
+                self.set_points.aim(alignment.local(point, point.yaw))
+                await self._calm_down()
+                raise
+            flown_s += part.duration_s
+            self.set_points.aim(end)
+        if course.parts:
+            await self._settle(alignment.local(course.parts[-1].end, course.parts[-1].end.yaw))
+
+    async def hold(self) -> None:
+        """Where it is, by set-points. Raises CommandRefused, LinkLost, Interrupted."""
+        if not self.control.ours or self.set_points.aim_at is None or self.telemetry.mode != "offboard":
+            await self.take_over(self._here())
+        await self._calm_down()
+
+    async def return_to_launch(self) -> None:
+        """By the autopilot's own way; over where it took off this service takes it again, and holds. Raises
+        CommandRefused, LinkLost, Interrupted."""
+        home = self.launch or self.telemetry.home
+        if home is None:
+            raise CommandRefused("nobody knows where it took off")
+        self.control.expect("return_to_launch", "land", "hold")
+        self.set_points.stop()
+        await self.link.return_to_launch()
+
+        def over_home() -> bool:
+            place = self.telemetry.place
+            return place is not None and math.dist(place[:2], home[:2]) < OVER_HOME_M
+
+        if not await self._until(lambda: over_home() or not self.telemetry.in_air, RETURNS_WITHIN_S):
+            raise StuckOnTheWay(f"it did not come home within {RETURNS_WITHIN_S:g} s")
+        if self.telemetry.in_air:
+            here = self._here()
+            await self.take_over(here._replace(east_m=home.east_m, north_m=home.north_m))
+            await self._settle(here._replace(east_m=home.east_m, north_m=home.north_m))
+
+    async def land(self) -> None:
+        """Down, where it is; over when it stands and its motors rest. Raises CommandRefused, LinkLost, Interrupted."""
+        self.control.expect("land", "hold", "ready")
+        self.set_points.stop()
+        await self.link.land()
+        if not await self._until(lambda: self.telemetry.landed is True, LANDS_WITHIN_S):
+            raise StuckOnTheWay(f"it did not land within {LANDS_WITHIN_S:g} s{self.telemetry.last_words}")
+        await self._until(lambda: not self.telemetry.armed, DISARMS_WITHIN_S)
+        self.control.leave()
+
+    async def leave(self) -> None:
+        """It stays in the air by itself, and this service has done with it. Raises CommandRefused, LinkLost."""
+        if self.control.ours and self.telemetry.in_air:
+            self.control.expect("hold", "offboard")
+            await self.link.hold()
+        self.set_points.stop()
+        self.control.leave()
+
+    def _here(self) -> Enu:
+        place = self.telemetry.place
+        if place is None:
+            raise LinkLost("the autopilot has not said for a second where it is")
+        return place
+
+    def _there(self, part: Part, begun_s: float, end: Enu, *, last: bool) -> bool:
+        """At the end of a part, or as near as its corner asks. Raises StuckOnTheWay."""
+        late_s = self.telemetry.clock() - begun_s - part.duration_s
+        if late_s < 0.0:
+            return False
+        place = self.telemetry.place
+        off_m = math.inf if place is None else math.dist(place[:3], end[:3])
+        if last or off_m < self.tolerance.corner_m:
+            return True  # of the last part's end `_settle` takes care
+        if late_s > SETTLES_WITHIN_S:
+            raise StuckOnTheWay(f"it stays {off_m:.1f} m from where it is sent")
+        return False
+
+    async def _settle(self, end: Enu) -> None:
+        """Waits until it hovers there. Raises StuckOnTheWay where it stays far off; nearer than that it has come as
+        near as it does."""
+        tolerance, since_s = self.tolerance, math.inf
+
+        def off() -> tuple[float, float]:
+            place = self.telemetry.place
+            if place is None:
+                return math.inf, math.inf
+            return math.dist(place[:3], end[:3]), abs(wrapped(place.yaw - end.yaw))
+
+        def calm() -> bool:
+            nonlocal since_s
+            off_m, off_rad = off()
+            still = off_m < tolerance.end_m and off_rad < tolerance.end_rad and self.telemetry.speed_m_s < SLOW_M_S
+            since_s = min(since_s, self.telemetry.clock()) if still else math.inf
+            return self.telemetry.clock() - since_s >= CALM_S
+
+        if not await self._until(calm, SETTLES_WITHIN_S) and off()[0] > tolerance.lost_m:
+            raise StuckOnTheWay(f"it stays {off()[0]:.1f} m from where it is sent{self.telemetry.last_words}")
+
+    async def _calm_down(self) -> None:
+        """It was told to stop: waits until it has. Nothing but somebody else's hand breaks this off."""
+        give_up_s = self.telemetry.clock() + STOPS_WITHIN_S
+        while self.telemetry.clock() < give_up_s and self.control.taken is None:
+            await asyncio.sleep(EVERY_S)
+            if self.telemetry.speed_m_s < SLOW_M_S:
+                return
+
+    async def _until(self, done: Callable[[], bool], within_s: float) -> bool:
+        """Whether it came true within that time. Raises LinkLost, Interrupted."""
+        give_up_s = self.telemetry.clock() + within_s
+        while not done():
+            if self.telemetry.clock() > give_up_s:
+                return False
+            await self._go_on()
+        return True
+
+    async def _go_on(self) -> None:
+        """The next look. Raises LinkLost, Interrupted."""
+        await asyncio.sleep(EVERY_S)
+        self.control.check()
+        if self.control.taken is not None:
+            raise TakenOver(self.control.taken)
+        if self.telemetry.silent_s > LINK_PATIENCE_S:
+            raise LinkLost(self.link.silence)
+        if self.hit is not None:
+            hit, self.hit = self.hit, None
+            raise Hit(f"it has hit {hit}")
+        if self.stop_asked:
+            raise Stopped("it was told to stop")
