@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-train test-clients test-export test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser expert clean
+.PHONY: help setup demo samples test test-slow test-browser test-train test-clients test-export test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -44,6 +44,9 @@ test: check .venv/.servers  ## lint, format, types, and the tests (a redis-serve
 
 test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
+
+test-browser: setup .venv/.servers  ## the viewer's pages in a real browser, and the screenshots of docs/viewer.md
+	@$(BIN)/python -m pytest -m "browser or not browser" tests/orchestrator/viewer
 
 test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
@@ -103,8 +106,9 @@ test-small-model: setup .cache/small-model/.ready  ## the part of test-real-serv
 	  "llama-cpp-python[server]==0.3.36" gguf
 	@touch $@
 
-.venv/.servers: | setup
-	@scripts/system_packages.sh "redis-server=command -v redis-server" "postgresql=ls /usr/lib/postgresql/*/bin/postgres"
+.venv/.servers: Makefile | setup
+	@scripts/system_packages.sh "redis-server=command -v redis-server" "postgresql=ls /usr/lib/postgresql/*/bin/postgres" \
+	  "chromium=command -v chromium"
 	@touch $@
 
 check: setup  ## lint, format, strict types

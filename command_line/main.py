@@ -28,6 +28,7 @@ COMMANDS = {
     "report": Listed("report", "One HTML page of runs: the paper's tables with ours beside them, and every failure."),
     "compare": Listed("report", "Runs side by side, with paired tests against the first."),
     "export": Listed("export", "A run's flights as a dataset or recordings: LeRobot, Rerun, MCAP, COCO."),
+    "replay": Listed("replay", "Look at the records of a run in the browser, while it is flown or afterwards."),
     "evaluate": Listed("evaluate", "Measure a vision model on fresh streets."),
 }
 

@@ -135,16 +135,21 @@ class MissionSettings(Wire):
 class DeliveryQuestion(Wire):
     """Bring it there: `request` in the customer's words, in `scene` or at a shipped `sample` (whose own request is
     used if none is given) in a simulator; with neither, a vehicle of the fleet flies where it stands.
-    `answer_within_s`: how long the customer's answer to a question is waited for; null: as the deployment is set up; 0:
-    nobody is asked. Of the deliveries that wait, the one of the highest `priority` is flown first, of equal ones the
-    oldest; none takes off before its `not_before`, and one that has not ended by its `deadline` ends then, in the air
-    as well."""
+    `answers`: given beforehand to the questions that it may ask, in their order; what is asked beyond them waits
+    for the customer. `answer_within_s`: how long the customer's answer to a question is waited for; null: as the
+    deployment is set up; 0: nobody is asked. `vehicle`: of the fleet, the only one that may fly it. Of the
+    deliveries that wait, the one of the highest `priority` is flown first, of equal ones the oldest; none takes off
+    before its `not_before`, and one that has not ended by its `deadline` ends then, in the air as well."""
 
     request: str | None = Field(default=None, min_length=1, max_length=4000)
     scene: Scene | None = None
     sample: Name | None = None
     backend: ModelName | None = None
+    answers: tuple[Annotated[str, Field(min_length=1, max_length=1000, pattern=r"\S")], ...] = Field(
+        default=(), max_length=8
+    )
     answer_within_s: float | None = Field(default=None, ge=0.0, le=86_400.0)
+    vehicle: Name | None = None
     priority: int = Field(default=0, ge=0, le=MAX_PRIORITY)
     not_before: AwareDatetime | None = None
     deadline: AwareDatetime | None = None

@@ -8,7 +8,7 @@ answer at all).
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from contracts.base import Metres, ModelName, Name, Unit, Wire
 from contracts.cameras import MAX_CAMERAS, Camera
@@ -32,6 +32,23 @@ class Question(Wire):
     """`model` names an alias of the gateway's configuration; without it the role's default answers."""
 
     model: ModelName | None = None
+
+
+class ListedModel(Wire):
+    """A model as `GET /v1/models` lists it, as far as our own programs read it. `roles`: those that it answers where
+    nobody names a model."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    id: ModelName
+    owned_by: BackendKind
+    roles: tuple[Role, ...] = ()
+
+
+class ModelList(Wire):
+    model_config = ConfigDict(extra="ignore")
+
+    data: tuple[ListedModel, ...]
 
 
 class PreflightQuestion(Wire):

@@ -1,6 +1,7 @@
 """What a request leaves open, in words: why it can't be flown, and the question that would mend it."""
 
 from contracts.llm_parser import ParseAnswer, Reason, Relation
+from mission.wording import with_article
 
 _LEFT_OPEN: dict[Reason, str] = {
     "not_said": "names no {}",
@@ -36,6 +37,11 @@ def question_of(answer: ParseAnswer) -> str:
         for name in missing_fields(answer)
     ]
     return " ".join(asked)
+
+
+def about_unknown(thing: str) -> str:
+    """What is asked where the vision model has never learnt to see the thing (a noun phrase without article)."""
+    return f"I have never learnt to recognise {with_article(thing)}. Is there something else at your window?"
 
 
 def _by_neighbour(relation: Relation) -> str:

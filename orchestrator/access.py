@@ -24,6 +24,7 @@ CUSTOMER_COOKIE = "customer"
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 KEY_FILE = ".signing-key"
 CUSTOMERS_PAGES = "/c/"
+ASSETS = "/pages/"
 _PAGES = frozenset({("GET", "/"), ("HEAD", "/"), ("GET", "/login"), ("HEAD", "/login"), ("POST", "/v1/session")})
 """What everybody may ask: pages without anything of a delivery in them, and logging in."""
 
@@ -113,7 +114,8 @@ class RoleGuard:
         role = self._access.role_of_session(request.cookies.get(SESSION_COOKIE, ""))
         if role is not None:
             return Judgement("granted", _foreign(request) or _in(role, request))
-        if (request.method, request.url.path) in _PAGES or request.url.path.startswith(CUSTOMERS_PAGES):
+        page = request.method in SAFE_METHODS and request.url.path.startswith((CUSTOMERS_PAGES, ASSETS))
+        if page or (request.method, request.url.path) in _PAGES:
             return Judgement("missing_token")
         delivery_id = self._access.delivery_of(request.cookies.get(CUSTOMER_COOKIE, ""))
         if delivery_id is not None:
@@ -131,7 +133,7 @@ def _in(role: Role, request: Request) -> ServiceError | None:
 def _of_customer(delivery_id: str, request: Request) -> ServiceError | None:
     """What the customer of a delivery may not do."""
     own, path = f"/v1/deliveries/{delivery_id}", request.url.path
-    looks = request.method in SAFE_METHODS and (path == own or path.startswith(f"{own}/"))
+    looks = request.method in SAFE_METHODS and (path == f"{own}/tracking" or path.startswith(f"{own}/tracking/"))
     if looks or (request.method, path) == ("POST", f"{own}/answer"):
         return None
     return Forbidden(f"this link shows the delivery {delivery_id} and takes its answers, nothing else", code="customer")

@@ -1,50 +1,41 @@
 """Logging in, logging out, and the pages of customers."""
 
 from collections.abc import Awaitable, Callable
-from pathlib import Path
-from typing import Literal
 
-import anyio.to_thread
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
 
 from contracts.access import CustomerLink, Role, Session, SessionQuestion
-from orchestrator.access import CUSTOMER_COOKIE, CUSTOMERS_PAGES, SESSION_COOKIE, Access
+from orchestrator.access import ASSETS, CUSTOMER_COOKIE, CUSTOMERS_PAGES, SESSION_COOKIE, Access
+from orchestrator.pages import Pages
 from service_kit.auth import access_of, bearer_token
 from service_kit.errors import NotFound, Unauthorised, error_answers
 
-HERE = Path(__file__).parent
 LINK_S = 90 * 24 * 3600
 """How long a browser remembers a customer's link that was opened in it."""
-PAGE_POLICY = "; ".join(
-    (
-        "default-src 'none'",
-        "script-src 'unsafe-inline'",
-        "style-src 'unsafe-inline'",
-        "img-src 'self' data:",
-        "connect-src 'self'",
-        "base-uri 'none'",
-        "form-action 'none'",
-        "frame-ancestors 'none'",
-    )
-)
-PAGE_HEADERS = {"content-security-policy": PAGE_POLICY, "referrer-policy": "same-origin", "cache-control": "no-store"}
 
 
 def add_access_routes(app: FastAPI, access: Access, known: Callable[[str], Awaitable[None]]) -> None:
     """`/`, `/login`, `/c/...`, `/v1/session` and links. `known` raises NotFound for a delivery that there is not."""
+    pages = Pages()
+
+    @app.get(f"{ASSETS}{{file}}", tags=["viewer"], response_class=Response, responses=error_answers(NotFound))
+    async def asset(file: str, request: Request) -> Response:
+        """A script, a style or an icon of the pages. Nothing of a delivery is in them, so that everybody may have
+        them."""
+        return pages.asset(file, request.headers.get("if-none-match"))
 
     @app.get("/", tags=["viewer"], response_class=HTMLResponse)
     async def viewer(request: Request) -> Response:
-        """The viewer: one page, nothing from elsewhere. Whoever is not known yet is sent to `/login`."""
+        """The viewer: nothing from elsewhere. Whoever is not known yet is sent to `/login`."""
         if access_of(request.scope) == "missing_token":
             return RedirectResponse("/login", 303)
-        return await page("viewer")
+        return pages.page("viewer")
 
     @app.get("/login", tags=["viewer"], response_class=HTMLResponse)
     async def login() -> Response:
         """Asks for a token."""
-        return await page("login")
+        return pages.page("login")
 
     @app.get("/v1/session", tags=["access"])
     async def get_session(request: Request) -> Session:
@@ -78,15 +69,10 @@ def add_access_routes(app: FastAPI, access: Access, known: Callable[[str], Await
         """One delivery, for its customer."""
         delivery_id = access.delivery_of(link)
         if delivery_id is None:
-            raise NotFound("this link opens no delivery; ask whoever sent it for another", code="no_such_link")
-        answer = await page("viewer")
+            return pages.page("no-such-link", 404)
+        answer = pages.page("customer")
         _set(answer, request, CUSTOMER_COOKIE, link, f"/v1/deliveries/{delivery_id}", LINK_S)
         return answer
-
-
-async def page(name: Literal["viewer", "login"]) -> HTMLResponse:
-    text = await anyio.to_thread.run_sync(lambda: (HERE / f"{name}.html").read_text(encoding="utf-8"))
-    return HTMLResponse(text, headers=PAGE_HEADERS)
 
 
 def _role(access: Access, request: Request) -> Role:

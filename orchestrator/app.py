@@ -19,6 +19,8 @@ from orchestrator import sample_library
 from orchestrator.access import EVERYBODY, Access, RoleGuard
 from orchestrator.access_routes import add_access_routes
 from orchestrator.assembly import Orchestrator
+from orchestrator.beside import beside
+from orchestrator.overview_routes import add_overview_routes
 from orchestrator.store.upkeep import Page
 from service_kit.app import Check, create_app
 from service_kit.errors import Conflict, NotFound, TooMany, error_answers, error_response
@@ -104,19 +106,25 @@ def build_app(
         responses=_NOT_FOUND,
     )
     async def get_events(
-        delivery_id: str, last_event_id: Annotated[str | None, Header(max_length=20)] = None
+        delivery_id: str,
+        last_event_id: Annotated[str | None, Header(max_length=20)] = None,
+        drone: Annotated[bool, Query(description="twice a second, where the drone is (`drone`: DroneSeen)")] = False,
     ) -> EventSourceResponse:
         """Server-sent events: `id` is the event's number, `data` the event. `Last-Event-ID` goes on after that one.
         The stream ends with the event of kind `result`."""
         await deliveries.get(delivery_id)
         after = int(last_event_id) if last_event_id and last_event_id.isdecimal() else 0
 
-        async def stream() -> AsyncIterator[ServerSentEvent]:
+        async def steps() -> AsyncIterator[ServerSentEvent]:
             async for event in deliveries.events(delivery_id, after):
                 yield ServerSentEvent(data=event.model_dump_json(), id=str(event.number), event="step")
             yield ServerSentEvent(data="{}", event="end")
 
-        return EventSourceResponse(stream(), ping=PING_S)
+        async def drones() -> AsyncIterator[ServerSentEvent]:
+            async for seen in orchestrator.overlook.telemetry.samples(delivery_id):
+                yield ServerSentEvent(data=seen.model_dump_json(), event="drone")
+
+        return EventSourceResponse(beside(steps(), drones()) if drone else steps(), ping=PING_S)
 
     @app.get(
         "/v1/deliveries/{delivery_id}/files/{file}",
@@ -142,5 +150,6 @@ def build_app(
     async def known(delivery_id: str) -> None:
         await deliveries.get(delivery_id)
 
+    add_overview_routes(app, orchestrator.overlook, orchestrator.order_form)
     add_access_routes(app, access, known)
     return app

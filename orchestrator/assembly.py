@@ -12,14 +12,19 @@ from orchestrator.engine import Engine
 from orchestrator.hangar import Hangar
 from orchestrator.intake import Intake
 from orchestrator.keeper import Keeper
+from orchestrator.order_form import OrderForm
+from orchestrator.overview import Overlook
 from orchestrator.records import Records
 from orchestrator.retention import Keep, Retention
 from orchestrator.roll_call import RollCall
 from orchestrator.store.database import Database
 from orchestrator.store.deliveries import DeliveryStore
 from orchestrator.store.executors import ExecutorStore
+from orchestrator.store.lines import LineStore
 from orchestrator.store.upkeep import UpkeepStore
 from orchestrator.store.vehicles import VehicleStore
+from orchestrator.streets import Streets
+from orchestrator.telemetry import Telemetry
 from orchestrator.turns import Policy, Tools
 from orchestrator.watch import Watch
 from orchestrator.webhooks import Webhook, Webhooks, tell_untold
@@ -66,6 +71,7 @@ class Orchestrator:
         send = None if self._webhooks is None else self._webhooks.send
         self._engine = Engine(database, executor, self._carrier.carry_on, poll_s, send)
         self.fleet = RollCall(hangar, self._vehicles, self._engine)
+        self.order_form = OrderForm(hangar, self.fleet)
         self._keeper = Keeper(
             store,
             ExecutorStore(database.engine),
@@ -77,6 +83,8 @@ class Orchestrator:
             lost_after_s=lost_after_s,
         )
         self.deliveries = Deliveries(store, intake, self._upkeep, self._watch, self._keeper, hangar, records, bounds)
+        lines = LineStore(database.engine)
+        self.overlook = Overlook(self.deliveries, lines, self.fleet, Telemetry(hangar, store), Streets(store))
 
     async def start(self) -> None:
         """Takes up what is there, and what comes."""

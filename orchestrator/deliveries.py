@@ -59,7 +59,7 @@ class Deliveries:
         self._hangar = hangar
         self._records = records
         self._bounds = bounds or Bounds()
-        self._kinds = {member.kind for member in hangar.members}
+        self._members = {member.name: member.kind for member in hangar.members}
         self._waiting = 0
         self._counted = 0.0
 
@@ -81,11 +81,17 @@ class Deliveries:
     def _order(self, question: DeliveryQuestion) -> Order:
         """Raises BadQuestion for a delivery that can't be flown as it is asked for."""
         try:
-            order = Order(question, own_vehicles="vehicle" in self._kinds)
+            order = Order(question, own_vehicles="vehicle" in self._members.values())
         except BadDelivery as error:
             raise BadQuestion(str(error)) from None
-        if order.flown_by not in self._kinds:
+        if order.flown_by not in self._members.values():
             raise BadQuestion("scene: no simulator is part of the fleet; leave scene and sample out")
+        if question.vehicle is not None and self._members.get(question.vehicle) != order.flown_by:
+            there = [name for name, kind in self._members.items() if kind == order.flown_by]
+            raise BadQuestion(
+                f"vehicle: {question.vehicle} does not fly such a delivery; these do: {', '.join(there)}",
+                code="unknown_vehicle",
+            )
         if question.deadline is not None and question.deadline.timestamp() <= time.time():
             raise BadQuestion("deadline: it has passed; give a time to come", code="deadline_passed")
         return order
@@ -223,4 +229,6 @@ def _new(question: DeliveryQuestion, asked: str, order: Order, key: str | None) 
         "phase": "parse",
         "lane": "request",
         "due": now,
+        "answers": json.dumps([text.strip() for text in question.answers]),
+        "answered": len(question.answers),
     }

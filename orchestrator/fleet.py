@@ -10,8 +10,11 @@ from contracts.errors import what_is_wrong
 from contracts.fleet import FleetFile, FleetMember
 from contracts.geometry import Point3
 from contracts.sim import Verdict
+from contracts.vehicle import VehicleState
+from contracts.vlm_gateway import ListedModel, ModelList
 from mission.clients import AskedVehicle, Services
-from mission.ports import PortError
+from mission.ports import PortError, Ports
+from mission.reached import reached
 from mission.vehicle import Vehicle
 from mission.vehicles.http_vehicle import HttpVehicle
 from mission.vehicles.simulator_trial import SimulatorTrial
@@ -86,6 +89,16 @@ class Fleet:
         problems = state.health.problems or ("the vehicle says that it is not well",)
         problem = "the vehicle has lost itself" if state.mode == "lost" else None if state.health.ok else problems[0]
         return SignOfLife(problem, state, capabilities)
+
+    def ports(self) -> Ports:
+        return self._services.ports()
+
+    async def models(self) -> tuple[ListedModel, ...]:
+        return (await reached(self._services.vlm_gateway.call("GET", "/v1/models", ModelList))).data
+
+    async def drone(self, name: str, drone: str) -> VehicleState:
+        base = f"/v1/episodes/{drone}" if self._kinds[name] == "simulator" else ""
+        return await HttpVehicle(self._clients[name], drone, base).state()
 
     def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
         client = self._clients[vehicle or self.members[0].name]

@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 
 from contracts.fleet import VehicleKind
 from contracts.vehicle import VehicleCapabilities, VehicleState
+from contracts.vlm_gateway import ListedModel
 from mission.placement import Placement
 from mission.ports import Ports
 from orchestrator.delivery import Order
@@ -44,6 +45,18 @@ class Hangar(Protocol):
 
     async def ask(self, name: str) -> SignOfLife:
         """How that vehicle fares."""
+        ...
+
+    def ports(self) -> Ports:
+        """The services that all missions ask, without a vehicle."""
+        ...
+
+    async def models(self) -> tuple[ListedModel, ...]:
+        """The gateway's models. Raises PortError."""
+        ...
+
+    async def drone(self, name: str, drone: str) -> VehicleState:
+        """How that vehicle's drone of that name stands: a simulator has many. Raises PortError."""
         ...
 
     def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:

@@ -183,7 +183,11 @@ class Turn:
     async def _board(self) -> bool:
         """Gets a vehicle of the fleet; false where none is free."""
         taken = await asyncio.to_thread(
-            self._tools.vehicles.board, self._stored.id, self._version, self._order.flown_by
+            self._tools.vehicles.board,
+            self._stored.id,
+            self._version,
+            self._order.flown_by,
+            self._order.question.vehicle,
         )
         if taken is None:
             return False

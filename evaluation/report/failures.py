@@ -16,6 +16,7 @@ from evaluation.scene_generator.scene_plan import Difficulty
 from evaluation.task_set.task import Task
 from mission.record import read_events
 from mission.wording import counted
+from service_kit.addresses import REPLAY_PORT
 
 REASONS: Mapping[str, str] = {
     "success": "success",
@@ -159,6 +160,7 @@ def _card(runs: Sequence[Run], failure: Failure, album: Album) -> Html:
         ),
         _pictures(failure, album),
         _steps(failure.events),
+        _replay(failure, runs[failure.run]),
         class_="card failure",
         data_reason=record.reason,
         data_run=failure.run,
@@ -215,6 +217,14 @@ def _steps(events: Sequence[Event]) -> Html:
     if len(told) > _MOST_EVENTS:
         lines.append(tag("li", f"and {len(told) - _MOST_EVENTS} more"))
     return tag("details", tag("summary", f"What happened, {counted(len(told), 'event')}"), tag("ol", *lines))
+
+
+def _replay(failure: Failure, run: Run) -> Html:
+    """The way to the same episode in the viewer, which runs while somebody has started it."""
+    if failure.folder is None:
+        return Html("")
+    link = tag("a", "replay", href=f"http://127.0.0.1:{REPLAY_PORT}/#/delivery/{failure.folder.name}")
+    return tag("p", link, " while ", tag("code", f"logisticsvln replay {run.folder}"), " runs", class_="soft")
 
 
 def _inside(run: Path, folder: str | None) -> Path | None:

@@ -8,7 +8,7 @@ from contracts.vlm_gateway import PreflightQuestion
 from mission.guard import guarded
 from mission.model_calls import Answered
 from mission.places import spoken
-from mission.questions import left_open, missing_fields, question_of
+from mission.questions import about_unknown, left_open, missing_fields, question_of
 from mission.stage_actions.asking import ask_customer
 from mission.stages import NeedsAnswer, PlaceDrone, Preflight, TakeStand
 from mission.step import Drone, MissionEnd, Step
@@ -50,7 +50,7 @@ async def preflight(step: Step) -> PlaceDrone | NeedsAnswer:
             f"the drone did not take off: it has never learnt to recognise {step.thing} ({answer.why}); "
             "name another thing at the window, or choose a model that knows more"
         )
-        asked = f"I have never learnt to recognise {step.thing}. Is there something else at your window?"
+        asked = about_unknown(step.state.object or "object")
         if any(exchange.question == asked for exchange in step.state.exchanges):  # the answer named no other
             raise MissionEnd("object_unknown", why)
         return await ask_customer(step, "unknown_object", asked, "object_unknown", why)

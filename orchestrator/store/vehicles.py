@@ -65,12 +65,11 @@ class VehicleStore:
         with self._engine.begin() as c:
             c.execute(vehicles.delete().where(vehicles.c.name.not_in(names)))
 
-    def board(self, delivery: str, version: int, kind: VehicleKind) -> str | None:
-        """A free vehicle of that kind for the delivery, the one with the most room left; null where none is free. The
-        delivery's version goes up by one. Raises Superseded."""
+    def board(self, delivery: str, version: int, kind: VehicleKind, only: str | None = None) -> str | None:
+        """A free vehicle of that kind for the delivery, the one with the most room left, or the `only` one that may fly
+        it; null where none is free. The delivery's version goes up by one. Raises Superseded."""
         with self._engine.begin() as c:
-            rows = self._with_room(c, kind)
-            name = next(iter(rows), None)
+            name = next((row for row in self._with_room(c, kind) if only in (None, row)), None)
             if name is None:
                 return None
             now = time.time()

@@ -8,6 +8,9 @@ from pathlib import Path
 import httpx
 import uvicorn
 
+from contracts.vehicle import VehicleState
+from contracts.vlm_gateway import ListedModel
+from mission.ports import Ports, ServiceRefused
 from orchestrator.access import EVERYBODY, Access
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
@@ -35,6 +38,18 @@ class BlockSimulators:
     async def ask(self, name: str) -> SignOfLife:
         return SignOfLife("block world: nobody answers" if self._worlds[name].away else None)
 
+    def ports(self) -> Ports:
+        return block_ports(self._worlds[self.members[0].name], self._vision)
+
+    async def models(self) -> tuple[ListedModel, ...]:
+        return (ListedModel(id="geometry", owned_by="scripted", roles=("recognition",)),)
+
+    async def drone(self, name: str, drone: str) -> VehicleState:
+        vehicle = self._worlds[name].vehicles.get(drone)
+        if vehicle is None:
+            raise ServiceRefused(f"block world: there is no vehicle {drone}", code="not_found", status=404)
+        return await vehicle.state()
+
     def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
         world = self._worlds[vehicle or self.members[0].name]
         return FlownWith(block_ports(world, self._vision), order.placed(world))
@@ -58,6 +73,7 @@ class Door:
         hangar: Hangar | None = None,
         flights: int = 3,
         webhook: Webhook | None = None,
+        port: int | None = None,
     ) -> None:
         orchestrator = Orchestrator(
             Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
@@ -68,7 +84,7 @@ class Door:
             poll_s=0.05,
             webhook=webhook,
         )
-        port = free_port()
+        port = port or free_port()
         self._server = uvicorn.Server(server_config(build_app(orchestrator, access=access), "127.0.0.1", port, 2))
         self._thread = threading.Thread(target=self._server.run, daemon=True)
         self._thread.start()

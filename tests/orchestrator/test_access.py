@@ -103,18 +103,31 @@ def test_who_looks_on_changes_nothing_by_token_or_session(browser: httpx.Client,
 
 def test_a_customers_link_shows_one_delivery_and_takes_its_answers_only(browser: httpx.Client, delivery: str) -> None:
     link = browser.post(f"/v1/deliveries/{delivery}/link", headers=bearer(OPERATOR)).json()["path"]
-    assert code(browser.get(f"{link}x")) == (404, "no_such_link")
+    wrong = browser.get(f"{link}x")
+    assert (wrong.status_code, "opens no delivery" in wrong.text) == (404, True)
     page = browser.get(link)
     assert page.status_code == 200
     assert "httponly" in page.headers["set-cookie"].lower()
-    assert browser.get(f"/v1/deliveries/{delivery}").status_code == 200
-    assert browser.get(f"/v1/deliveries/{delivery}/events").status_code == 200
+    shown = browser.get(f"/v1/deliveries/{delivery}/tracking")
+    assert shown.status_code == 200
+    assert not {"folder", "vehicle", "scene", "priority"} & set(shown.json())
+    assert browser.get(f"/v1/deliveries/{delivery}/tracking/street").status_code == 200
+    assert browser.get(f"/v1/deliveries/{delivery}/tracking/picture").headers["content-type"] == "image/jpeg"
     answer = browser.post(f"/v1/deliveries/{delivery}/answer", json={"text": "the red one"}, headers=OWN)
     assert answer.status_code == 409  # nothing is asked; but it was theirs to answer
     assert code(browser.delete(f"/v1/deliveries/{delivery}", headers=OWN)) == (403, "customer")
     assert browser.get("/v1/deliveries").status_code == 401
     cookie = {"Cookie": f"customer={browser.cookies['customer']}"}
-    for path in ("/v1/deliveries", "/v1/deliveries/another", "/metrics", f"/v1/deliveries/{delivery}x"):
+    own = f"/v1/deliveries/{delivery}"
+    for path in (
+        "/v1/deliveries",
+        "/v1/overview",
+        "/metrics",
+        f"{own}x",
+        own,
+        f"{own}/events",
+        f"{own}/files/result.json",
+    ):
         assert code(browser.get(path, headers=cookie)) == (403, "customer")
 
 

@@ -1,0 +1,160 @@
+"""What the pages show: the whole system for its operators, one delivery for its customer."""
+
+import asyncio
+import json
+import statistics
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from contracts.orchestrator import Delivery, OpenQuestion
+from contracts.overview import (
+    CustomersDrone,
+    DeliveryLine,
+    DroneSeen,
+    FlightSeen,
+    Outlook,
+    Overview,
+    Span,
+    StreetPlan,
+    Tracking,
+)
+from orchestrator.deliveries import Deliveries
+from orchestrator.roll_call import RollCall
+from orchestrator.store.lines import Chosen, LineStore, StoredLine
+from orchestrator.streets import Streets
+from orchestrator.telemetry import Silent, Telemetry
+from service_kit.errors import NotFound, Unavailable
+
+STOPPED = ("delivered", "stopped_not_judged", "wrong_window", "not_in_front")
+ENOUGH = 3
+"""From so many earlier flights on it is told how long one takes."""
+
+
+class Overlook:
+    """Looks only: nothing here changes a delivery."""
+
+    def __init__(
+        self, deliveries: Deliveries, lines: LineStore, fleet: RollCall, telemetry: Telemetry, streets: Streets
+    ) -> None:
+        self._deliveries = deliveries
+        self._lines = lines
+        self._fleet = fleet
+        self.telemetry = telemetry
+        self._streets = streets
+        self._pictures: dict[str, str | None] = {}
+
+    async def overview(self, chosen: Chosen) -> Overview:
+        """Everything at once, of the deliveries the chosen ones. Raises NotFound for a page before no delivery."""
+        if chosen.before is not None:
+            await self._deliveries.get(chosen.before)
+        found, counts, vehicles = await asyncio.gather(
+            asyncio.to_thread(self._lines.lines, Chosen(**(vars(chosen) | {"limit": chosen.limit + 1}))),
+            asyncio.to_thread(self._lines.counts),
+            self._fleet.list(),
+        )
+        shown = tuple(_line(stored) for stored in found[: chosen.limit])
+        flying = [name for vehicle in vehicles for name in vehicle.deliveries]
+        return Overview(
+            time=datetime.now(UTC),
+            counts=counts,
+            deliveries=shown,
+            next=shown[-1].id if len(found) > chosen.limit else None,
+            flights=tuple(await asyncio.gather(*(self._flight(name) for name in flying))),
+            vehicles=vehicles,
+        )
+
+    async def drone(self, name: str) -> DroneSeen:
+        """Raises NotFound where none flies, Unavailable where it does not tell."""
+        await self._deliveries.get(name)
+        try:
+            seen = await self.telemetry.of(name)
+        except Silent as error:
+            raise Unavailable(str(error), code="drone_silent") from None
+        if seen is None:
+            raise NotFound(f"no drone flies delivery {name} now")
+        return seen
+
+    async def street(self, name: str) -> StreetPlan:
+        """Raises NotFound."""
+        await self._deliveries.get(name)
+        street = await self._streets.of(name)
+        if street is None:
+            raise NotFound(f"the street of delivery {name} is not known: a vehicle flies it where it stands")
+        return street
+
+    async def tracking(self, name: str) -> Tracking:
+        """For its customer. Raises NotFound."""
+        delivery = await self._deliveries.get(name)
+        try:
+            seen = await self.telemetry.of(name)
+        except Silent:
+            seen = None
+        waits = delivery.status == "waiting"
+        ahead = await asyncio.to_thread(self._lines.ahead_of, name) if waits else None
+        times = await asyncio.to_thread(self._lines.flight_times)
+        return Tracking(
+            time=datetime.now(UTC),
+            request=delivery.request,
+            status=delivery.status,
+            phase=delivery.phase,
+            created=datetime.fromisoformat(delivery.created),
+            started=None if delivery.started is None else datetime.fromisoformat(delivery.started),
+            ended=None if delivery.ended is None else datetime.fromisoformat(delivery.ended),
+            question=delivery.question,
+            drone=None if seen is None else _for_customer(seen),
+            outlook=Outlook(ahead=ahead, flight=_span(times), deliveries=len(times)),
+            outcome=None if delivery.result is None else delivery.result.outcome,
+            picture=await self._picture_of_stop(delivery) is not None,
+        )
+
+    async def picture(self, name: str) -> Path:
+        """Of the stop. Raises NotFound."""
+        file = await self._picture_of_stop(await self._deliveries.get(name))
+        if file is None:
+            raise NotFound("there is no picture of the stop (yet)")
+        return await self._deliveries.picture(name, file)
+
+    async def _picture_of_stop(self, delivery: Delivery) -> str | None:
+        """The file of the last picture that shows the window; null before the drone has stopped at one."""
+        if delivery.result is None or delivery.result.outcome not in STOPPED:
+            return None
+        if delivery.id not in self._pictures:
+            self._pictures[delivery.id] = await asyncio.to_thread(self._lines.last_picture, delivery.id)
+        return self._pictures[delivery.id]
+
+    async def _flight(self, name: str) -> FlightSeen:
+        street = await self._streets.of(name)
+        key = None if street is None else street.key
+        try:
+            return FlightSeen(delivery=name, drone=await self.telemetry.of(name), problem=None, street=key)
+        except Silent as error:
+            return FlightSeen(delivery=name, drone=None, problem=str(error), street=key)
+
+
+def _line(stored: StoredLine) -> DeliveryLine:
+    result = {} if stored.result is None else json.loads(stored.result)
+    asked = None if stored.open_question is None else OpenQuestion.model_validate_json(stored.open_question)
+    shown = stored._asdict() | {name: _moment(getattr(stored, name)) for name in ("created", "started", "ended")}
+    del shown["open_question"], shown["result"]
+    return DeliveryLine(
+        **shown,
+        question=None if asked is None else asked.text,
+        outcome=result.get("outcome"),
+        message=result.get("message"),
+    )
+
+
+def _moment(seconds: float | None) -> datetime | None:
+    return None if seconds is None else datetime.fromtimestamp(round(seconds, 3), UTC)
+
+
+def _span(times: Sequence[float]) -> Span | None:
+    if len(times) < ENOUGH:
+        return None
+    tenths = statistics.quantiles(times, n=10, method="inclusive")
+    return Span(least_s=round(tenths[0], 1), most_s=round(tenths[-1], 1))
+
+
+def _for_customer(seen: DroneSeen) -> CustomersDrone:
+    return CustomersDrone(time=seen.time, pose=seen.state.pose, battery=seen.state.battery.remaining)

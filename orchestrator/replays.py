@@ -1,0 +1,152 @@
+"""Records in a folder as deliveries to look at: a run of `bench`, or those of `logisticsvln deliver`."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+from contracts.events import Event, ResultEvent
+from contracts.orchestrator import Delivery, DeliveryResult, DeliveryStatus
+from contracts.overview import DeliveryLine, Overview, StreetPlan
+from mission.record import (
+    PICTURE_NAME,
+    BadRecord,
+    cut_off,
+    is_being_written,
+    read_events,
+    read_question,
+    read_result,
+    read_written_delivery,
+)
+from orchestrator.deliveries import FILES
+from orchestrator.store.lines import Chosen
+from orchestrator.streets import street_of
+from service_kit.errors import NotFound
+
+LOOK_EVERY_S = 0.5
+
+
+class Replays:
+    """Records below `folder`, or below its `episodes`; nothing is written there."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "episodes" if (folder / "episodes").is_dir() else folder
+        self._done: dict[str, Delivery] = {}
+
+    async def overview(self, chosen: Chosen) -> Overview:
+        """As the orchestrator's, without vehicles: a record does not tell where its drone is."""
+        everything = await asyncio.to_thread(self._all)
+        counts: dict[DeliveryStatus, int] = {"waiting": 0, "flying": 0, "needs_answer": 0, "done": 0}
+        for delivery in everything:
+            counts[delivery.status] += 1
+        fit = [delivery for delivery in everything if _fits(delivery, chosen)]
+        names = [delivery.id for delivery in fit]
+        begin = names.index(chosen.before) + 1 if chosen.before in names else 0
+        shown = fit[begin : begin + chosen.limit]
+        return Overview(
+            time=datetime.now(UTC),
+            counts=counts,
+            deliveries=tuple(_line(delivery) for delivery in shown),
+            next=shown[-1].id if len(fit) > begin + chosen.limit else None,
+            flights=(),
+            vehicles=(),
+        )
+
+    async def get(self, name: str) -> Delivery:
+        """Raises NotFound."""
+        found = await asyncio.to_thread(self._read, name)
+        if found is None:
+            raise NotFound(f"there is no record {name}")
+        return found
+
+    async def events(self, name: str, after: int) -> AsyncIterator[Event]:
+        """Those that are written and those to come, until the delivery is done. Raises NotFound."""
+        while True:
+            delivery = await self.get(name)
+            for event in await asyncio.to_thread(read_events, self._folder / name):
+                if event.number > after:
+                    after = event.number
+                    yield event
+                    if isinstance(event, ResultEvent):
+                        return
+            if delivery.status == "done":
+                return
+            await asyncio.sleep(LOOK_EVERY_S)
+
+    async def street(self, name: str) -> StreetPlan:
+        """Raises NotFound."""
+        await self.get(name)
+        try:
+            scene = (await asyncio.to_thread(read_question, self._folder / name)).scene
+        except (OSError, BadRecord):
+            scene = None
+        if scene is None:
+            raise NotFound(f"the record {name} does not tell its street")
+        return street_of(scene)
+
+    async def file(self, name: str, file: str) -> Path:
+        """A file of a record that may be shown. Raises NotFound."""
+        await self.get(name)
+        folder = self._folder / name
+        path = folder / "pictures" / file if PICTURE_NAME.fullmatch(file) else folder / file
+        if not (file in FILES or PICTURE_NAME.fullmatch(file)) or not await asyncio.to_thread(path.is_file):
+            raise NotFound(f"the record of {name} has no {file[:80]} (yet)")
+        return path
+
+    def _all(self) -> list[Delivery]:
+        """The newest first."""
+        names = (path.name for path in self._folder.iterdir() if path.is_dir()) if self._folder.is_dir() else ()
+        found = [delivery for name in names if (delivery := self._read(name)) is not None]
+        return sorted(found, key=lambda delivery: (delivery.created, delivery.id), reverse=True)
+
+    def _read(self, name: str) -> Delivery | None:
+        if name in self._done:
+            return self._done[name]
+        folder = self._folder / name
+        if folder.parent != self._folder or name in (".", ".."):
+            return None
+        try:
+            delivery = read_written_delivery(folder)
+        except (OSError, BadRecord):
+            return None
+        result = read_result(folder)
+        if result is None and is_being_written(folder):
+            events = read_events(folder)
+            phase = events[-1].phase if events else delivery.phase
+            return Delivery.model_validate(delivery.model_dump() | {"id": name, "status": "flying", "phase": phase})
+        return self._remembered(name, delivery, result or cut_off(len(read_events(folder))))
+
+    def _remembered(self, name: str, delivery: Delivery, result: DeliveryResult) -> Delivery:
+        done = {"id": name, "status": "done", "phase": "done", "result": result}
+        self._done[name] = delivery.model_copy(update=done)
+        return self._done[name]
+
+
+def _fits(delivery: Delivery, chosen: Chosen) -> bool:
+    outcome = None if delivery.result is None else delivery.result.outcome
+    words = (chosen.text or "").casefold()
+    return (
+        chosen.status in (None, delivery.status)
+        and chosen.outcome in (None, outcome)
+        and (words in delivery.request.casefold() or words in delivery.id.casefold())
+    )
+
+
+def _line(delivery: Delivery) -> DeliveryLine:
+    result = delivery.result
+    return DeliveryLine(
+        id=delivery.id,
+        status=delivery.status,
+        phase=delivery.phase,
+        request=delivery.request,
+        scene=delivery.scene,
+        created=datetime.fromisoformat(delivery.created),
+        started=None,
+        ended=None,
+        priority=0,
+        vehicle=None,
+        flights=0,
+        question=None,
+        outcome=None if result is None else result.outcome,
+        message=None if result is None else result.message,
+    )

@@ -1,0 +1,88 @@
+"""Where the drones of deliveries in the air are, as their vehicles tell it: asked when somebody looks."""
+
+import asyncio
+import json
+import time
+from collections import OrderedDict
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime
+from typing import TypeVar
+
+import zstandard
+
+from contracts.overview import DroneSeen
+from mission.ports import PortError
+from orchestrator.hangar import Hangar
+from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
+
+FRESH_S = 0.4
+"""Whoever looks within that time is told the same."""
+ASK_S = 2.0
+MAX_KEPT = 2_000
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+class Silent(Exception):
+    """The drone does not tell where it is; the message says why."""
+
+
+class Telemetry:
+    """One question to a vehicle serves everybody who looks."""
+
+    def __init__(self, hangar: Hangar, store: DeliveryStore) -> None:
+        self._hangar = hangar
+        self._store = store
+        self._names: OrderedDict[tuple[str, int], str] = OrderedDict()
+        self._asked: OrderedDict[str, tuple[float, asyncio.Task[DroneSeen]]] = OrderedDict()
+
+    async def of(self, delivery: str) -> DroneSeen | None:
+        """The drone that flies the delivery; null where none does. Raises Silent where it does not tell."""
+        stored = await asyncio.to_thread(self._store.get, delivery)
+        if stored is None or stored.vehicle is None or stored.status == "done":
+            return None
+        asked_at, task = self._asked.get(delivery, (0.0, None))
+        if task is None or (task.done() and time.monotonic() > asked_at + FRESH_S):
+            name = self._name_of(stored)
+            if name is None:
+                return None
+            task = asyncio.create_task(self._ask(stored.vehicle, name), name=f"drone of {delivery}")
+            self._asked[delivery] = (time.monotonic(), task)
+            _trim(self._asked)
+        return await asyncio.shield(task)
+
+    async def samples(self, delivery: str, every_s: float = 0.5) -> AsyncIterator[DroneSeen]:
+        """Again and again, as long as the delivery flies or waits; a drone that does not tell is asked again."""
+        while True:
+            try:
+                seen = await self.of(delivery)
+            except Silent:
+                seen = None
+            if seen is not None:
+                yield seen
+            await asyncio.sleep(every_s)
+
+    async def _ask(self, member: str, name: str) -> DroneSeen:
+        try:
+            state = await asyncio.wait_for(self._hangar.drone(member, name), ASK_S)
+        except TimeoutError:
+            raise Silent(f"{member} does not answer within {ASK_S:g} s") from None
+        except PortError as error:
+            raise Silent(str(error)) from None
+        return DroneSeen(time=datetime.now(UTC), state=state)
+
+    def _name_of(self, stored: StoredDelivery) -> str | None:
+        """What the vehicle calls the drone of this flight; null before it is placed."""
+        key = (stored.id, stored.flights)
+        if key not in self._names:
+            name = None if stored.state is None else json.loads(zstandard.decompress(stored.state)).get("vehicle")
+            if name is None:
+                return None
+            self._names[key] = name
+            _trim(self._names)
+        return self._names[key]
+
+
+def _trim(kept: "OrderedDict[K, V]") -> None:
+    while len(kept) > MAX_KEPT:
+        kept.popitem(last=False)

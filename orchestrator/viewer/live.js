@@ -1,0 +1,46 @@
+/** Where a drone is now, smoothly, from what its vehicle told a few times a second: shown a little late, never ahead. */
+import { betweenPoses } from "./replay.js";
+
+const LATE_MS = 900,
+  STALE_MS = 4000,
+  KEPT = 8;
+
+export class LiveDrone {
+  /** What was told: {at: when it came here, ms, state: VehicleState}. */
+  #told = [];
+
+  hear(seen) {
+    this.#told.push({ at: performance.now(), time: seen.time, state: seen.state });
+    if (this.#told.length > KEPT) this.#told.shift();
+  }
+
+  forget() {
+    this.#told = [];
+  }
+
+  get last() {
+    return this.#told.at(-1) ?? null;
+  }
+
+  /** Whether nothing was heard for so long that it is not to be shown as live. */
+  get stale() {
+    return !!this.last && performance.now() - this.last.at > STALE_MS;
+  }
+
+  /** Seconds since something was heard. */
+  get silence() {
+    return this.last ? (performance.now() - this.last.at) / 1000 : null;
+  }
+
+  /** The pose between what was told, or the last one; null where nothing was. */
+  pose() {
+    const shown = performance.now() - LATE_MS,
+      told = this.#told;
+    if (!told.length) return null;
+    const after = told.findIndex((one) => one.at > shown);
+    if (after < 0) return told.at(-1).state.pose;
+    if (after === 0) return told[0].state.pose;
+    const [a, b] = [told[after - 1], told[after]];
+    return betweenPoses(a.state.pose, b.state.pose, (shown - a.at) / Math.max(1, b.at - a.at));
+  }
+}

@@ -1,0 +1,60 @@
+"""Logging in, looking on, and the customer's page, in a real browser."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from orchestrator.access import Access
+from tests.orchestrator.test_app import REQUEST
+from tests.orchestrator.viewer.conftest import PHONE, House, OpenPage, serious
+
+OPERATOR, READER = "operators-token", "readers-token"
+
+
+@pytest.fixture(scope="module")
+def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
+    """Asks for tokens."""
+    house = House(tmp_path_factory.mktemp("runs"), access=Access(OPERATOR, READER, lambda: "key of the test", 3600))
+    house.client.headers["authorization"] = f"Bearer {OPERATOR}"
+    yield house
+    house.leave()
+
+
+def logged_in(page: Page, token: str) -> None:
+    page.get_by_label("Token of this orchestrator").fill(token)
+    page.get_by_role("button", name="Log in").click()
+
+
+def test_who_logs_in_sees_what_their_token_is_for(secured: House, open_page: OpenPage) -> None:
+    name = secured.delivered()
+    page = open_page(f"{secured.url}/#/delivery/{name}")
+    expect(page).to_have_url(re.compile("/login"))
+    logged_in(page, "guessed")
+    expect(page.get_by_role("alert")).to_have_text("This token is not known here.")
+    logged_in(page, READER)
+    expect(page.get_by_role("heading", level=1)).to_contain_text(REQUEST)
+    expect(page.get_by_role("link", name="Order")).to_be_hidden()
+    expect(page.get_by_role("button", name="Customer's link")).to_have_count(0)
+    page.get_by_role("button", name="Log out").click()
+    expect(page).to_have_url(re.compile("/login"))
+    assert serious(page) == []
+    logged_in(page, OPERATOR)
+    expect(page.get_by_role("link", name="Order")).to_be_visible()
+
+
+def test_a_customers_link_shows_their_delivery_and_takes_their_answer(secured: House, open_page: OpenPage) -> None:
+    name = secured.order(request="floor 4")
+    link = secured.client.post(f"/v1/deliveries/{name}/link").json()["path"]
+    page = open_page(secured.url + link, viewport=PHONE)
+    expect(page.get_by_role("heading", level=1)).to_have_text("Your delivery")
+    expect(page.locator(".asked")).to_have_text("What can be seen at your window from outside?")
+    assert serious(page) == []
+    page.get_by_label("Your answer").fill("the green flower pot")
+    page.get_by_role("button", name="Answer").click()
+    expect(page.locator("#now")).to_contain_text("The drone is in front of your window")
+    expect(page.locator("#stop img")).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
+    page.goto(f"{secured.url}{link}x")
+    expect(page.get_by_role("heading", level=1)).to_have_text("This link opens no delivery")
