@@ -45,8 +45,8 @@ test: check .venv/.servers  ## lint, format, types, and the tests (a redis-serve
 test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
 
-test-browser: setup .venv/.servers  ## the viewer's pages in a real browser, and the screenshots of docs/viewer.md
-	@$(BIN)/python -m pytest -m "browser or not browser" tests/orchestrator/viewer
+test-browser: setup .venv/.servers  ## the pages in a real browser; their screenshots anew: make test-browser SCREENSHOTS=docs
+	@SCREENSHOTS=$(SCREENSHOTS) $(BIN)/python -m pytest -m "browser or not browser" tests/orchestrator/viewer
 
 test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python

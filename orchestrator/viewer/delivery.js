@@ -12,7 +12,7 @@ import { ask, connection, get, needsServer, poll, stream } from "./server.js";
 import { makeSpace } from "./space.js";
 import { makeTimeline } from "./timeline.js";
 import { makeMarked, makeViews } from "./views.js";
-import { outcomeWords, stateWords } from "./wording.js";
+import { outcomeWords, phaseWords, stateWords } from "./wording.js";
 
 /** `session`: {role}; `at`: the moment to show, seconds, or null to follow. Returns {node, stop}. */
 export function makeDelivery(id, session, at = null) {
@@ -113,10 +113,7 @@ export function makeDelivery(id, session, at = null) {
 
   function drawHead(running) {
     if (!delivery) return;
-    const shownEnd = replay.lastOf(replay.indexAt(time), "result");
-    const words = shownEnd
-      ? outcomeWords(shownEnd.data.outcome, shownEnd.data.message)
-      : stateWords({ ...delivery, phase: replay.events.at(-1)?.phase ?? delivery.phase });
+    const words = wordsAt(replay.indexAt(time));
     say(badge, words.text);
     badge.className = `badge ${words.tone}`;
     say(about, `${id} · ordered ${when(delivery.created)}${delivery.vehicle ? ` · flown by ${delivery.vehicle}` : ""}`);
@@ -124,6 +121,14 @@ export function makeDelivery(id, session, at = null) {
     const said = troubleOf(running);
     say(trouble, said);
     show(trouble, said !== "");
+  }
+
+  /** The delivery's state at the moment that is shown. */
+  function wordsAt(index) {
+    const end = replay.lastOf(index, "result");
+    if (end) return outcomeWords(end.data.outcome, end.data.message);
+    if (index < replay.events.length - 1) return { text: phaseWords(replay.events[index]?.phase ?? "parse"), tone: "quiet" };
+    return stateWords({ ...delivery, phase: replay.events[index]?.phase ?? delivery.phase });
   }
 
   /** What a person has to know before they believe what is shown; empty where all is well. */

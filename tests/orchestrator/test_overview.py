@@ -134,7 +134,7 @@ def test_a_request_is_read_before_anything_is_ordered(client: httpx.Client) -> N
     assert read.question == "What can be seen at your window from outside?"
     said = [{"question": read.question, "answer": "the green flower pot"}]
     again = Reading.model_validate(client.post("/v1/readings", json={"request": "floor 4", "exchanges": said}).json())
-    assert (again.answer.object, again.question, again.known) == ("green flower pot", None, None)
+    assert (again.answer.object, again.question, again.known) == ("green flower pot", None, True)
     assert sum(overview(client).counts.values()) == before
 
 

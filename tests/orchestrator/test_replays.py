@@ -1,0 +1,75 @@
+"""The pages over a run's records, while it is flown and afterwards; over real HTTP."""
+
+from pathlib import Path
+
+import httpx
+import pytest
+
+from contracts.event_data import NoData
+from contracts.orchestrator import Delivery, DeliveryQuestion
+from contracts.overview import Overview
+from mission.record import Record, failed, now
+from orchestrator.replay_app import build_replay_app
+from orchestrator.replays import Replays
+from tests.conftest import Serve
+from tests.mission.block import Block, block_scene
+
+
+def record(run: Path, task: str, request: str = "floor 4") -> Record:
+    """As a worker of `bench` opens it."""
+    question = DeliveryQuestion(request=request, scene=block_scene(Block()))
+    delivery = Delivery(
+        id=task, status="waiting", phase="parse", request=request, scene="block", created=now(), folder=None
+    )
+    return Record(run / "episodes" / task, delivery, question)
+
+
+def end(one: Record) -> None:
+    result = failed("nobody answers")
+    one.conclude(result)
+    one.announce(result)
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A run of which one episode is over, one is flown, one was cut off."""
+    over, broken = record(tmp_path, "005", "the window with a cake"), record(tmp_path, "007")
+    end(over)
+    broken.write(1, "parse", "reading", NoData())
+    broken.close()
+    return tmp_path
+
+
+def test_a_run_is_looked_at_while_it_is_flown(run: Path, serve: Serve) -> None:
+    flown = record(run, "006")
+    flown.write(1, "parse", "reading the request", NoData(), lambda: {"view": b"a picture"})
+    with httpx.Client(base_url=serve(build_replay_app(Replays(run))), timeout=20) as client:
+        shown = Overview.model_validate(client.get("/v1/overview").json())
+        states = {line.id: (line.status, line.outcome) for line in shown.deliveries}
+        assert states == {"005": ("done", "failed"), "006": ("flying", None), "007": ("done", "failed")}
+        assert client.get("/v1/deliveries/007").json()["result"]["message"].startswith("the record breaks off")
+        assert [line["id"] for line in client.get("/v1/overview?text=CAKE").json()["deliveries"]] == ["005"]
+        first = client.get("/v1/overview?limit=1").json()
+        assert client.get(f"/v1/overview?limit=2&before={first['next']}").json()["next"] is None
+        lines = []
+        with client.stream("GET", "/v1/deliveries/006/events?drone=true") as stream:
+            for line in stream.iter_lines():
+                lines.append(line)
+                if "reading the request" in line:
+                    end(flown)
+        assert [line for line in lines if line.startswith("event:")] == ["event: step", "event: step", "event: end"]
+        assert client.get("/v1/deliveries/006").json()["status"] == "done"
+        assert client.get("/v1/deliveries/006/street").json()["name"] == "block"
+        assert client.get("/v1/deliveries/006/files/0001_view.jpg").content == b"a picture"
+        assert client.get("/v1/session").json() == {"role": "read_only", "asked": False}
+        assert "script-src 'self'" in client.get("/").headers["content-security-policy"]
+
+
+@pytest.mark.parametrize(
+    "path", ["008", "008/events", "%2e%2e", "005/files/state.json", "005/files/..%2f..%2f..%2fsettings.json"]
+)
+def test_what_is_no_record_is_not_found(run: Path, serve: Serve, path: str) -> None:
+    (run / "settings.json").write_text("{}")
+    with httpx.Client(base_url=serve(build_replay_app(Replays(run)))) as client:
+        answer = client.get(f"/v1/deliveries/{path}")
+        assert (answer.status_code, "error" in answer.json()) == (404, True)
