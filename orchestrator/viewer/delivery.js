@@ -146,13 +146,13 @@ export function makeDelivery(id, session, at = null) {
 
   /** The drone's place: as it is told now where the latest is shown, else as the record has it. */
   function place() {
-    const end = replay.lastOf(replay.indexAt(time), "verdict");
+    const verdict = replay.lastOf(replay.indexAt(time), "verdict");
     const liveNow = following && !ended && drone.last && connection.state === "live" && !drone.stale;
     const pose = liveNow ? drone.pose() : replay.poseAt(time);
-    const tone = end
-      ? !end.data.judged
+    const tone = verdict
+      ? !verdict.data.judged
         ? "open"
-        : end.data.delivered
+        : verdict.data.delivered
           ? "good"
           : "bad"
       : liveNow || !following || ended

@@ -21,8 +21,9 @@ OpenPage = Callable[..., Page]
 expect.set_options(timeout=PATIENCE_MS)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
+    """Closed with its module: while Playwright runs, this thread has an event loop, and asynchronous tests can't."""
     program = shutil.which("chromium")
     if program is None:
         raise RuntimeError("chromium is not installed; `make test` installs Debian's package chromium")
