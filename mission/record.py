@@ -246,11 +246,6 @@ def read_question(folder: Path) -> DeliveryQuestion:
     return _read(folder, "question.json", DeliveryQuestion)
 
 
-def read_written_delivery(folder: Path) -> Delivery:
-    """What a record says of its delivery from the beginning. Raises OSError, BadRecord."""
-    return _read(folder, "delivery.json", Delivery)
-
-
 def read_result(folder: Path) -> DeliveryResult | None:
     """The result of a delivery of any version that is done; null where there is none that is whole."""
     try:
@@ -263,7 +258,7 @@ def read_delivery(folder: Path) -> Delivery | None:
     """A delivery as its record tells it, or null where the folder is not a record. One that was cut off has ended
     with outcome `failed`."""
     try:
-        delivery = read_written_delivery(folder)
+        delivery = _read(folder, "delivery.json", Delivery)
     except (OSError, BadRecord):
         return None
     result = read_result(folder) or cut_off(len(read_events(folder)))

@@ -5,6 +5,8 @@ from collections.abc import AsyncIterator
 from datetime import UTC, datetime
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from contracts.events import Event, ResultEvent
 from contracts.orchestrator import Delivery, DeliveryResult, DeliveryStatus
 from contracts.overview import DeliveryLine, Overview, StreetPlan
@@ -16,7 +18,6 @@ from mission.record import (
     read_events,
     read_question,
     read_result,
-    read_written_delivery,
 )
 from orchestrator.deliveries import FILES
 from orchestrator.store.lines import Chosen
@@ -106,8 +107,8 @@ class Replays:
         if folder.parent != self._folder or name in (".", ".."):
             return None
         try:
-            delivery = read_written_delivery(folder)
-        except (OSError, BadRecord):
+            delivery = Delivery.model_validate_json((folder / "delivery.json").read_bytes(), extra="ignore")
+        except (OSError, ValidationError):
             return None
         result = read_result(folder)
         if result is None and is_being_written(folder):
