@@ -7,7 +7,7 @@ can a name without a dot, such as a container's: nobody can register one.
 
 import ipaddress
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 LOOPBACK_NAMES = ("localhost", "ip6-localhost")
 
@@ -21,21 +21,22 @@ class Hosts:
         self._names = names | set(LOOPBACK_NAMES)
         self._below = tuple(name[1:] for name in names if name.startswith("*."))
         self._any = "*" in names
-        self._right: list[bytes] | None = None  # what was right last: most requests say the same
+        self._right: bytes | None = None  # what was right last: most requests say the same
 
     def allow(self, host: str) -> bool:
         """`host` is the header's value: a name or an address, perhaps with a port."""
         name = _without_port(host.strip().lower()).removesuffix(".")
         return self._any or name in self._names or name.endswith(self._below) or is_address(name) or is_local_name(name)
 
-    def are_named_in(self, headers: Iterable[tuple[bytes, bytes]]) -> bool:
+    def are_named_in(self, headers: Collection[tuple[bytes, bytes]]) -> bool:
         """Whether every `Host` of a request is an allowed one."""
-        said = [value for name, value in headers if name == b"host"]
-        if said == self._right:
+        once = dict(headers)
+        if len(once) == len(headers) and (host := once.get(b"host")) is not None and host == self._right:
             return True
+        said = [value for name, value in headers if name == b"host"]
         if not all(self.allow(value.decode("latin-1")) for value in said):
             return False
-        self._right = said
+        self._right = said[0] if said else None
         return True
 
 

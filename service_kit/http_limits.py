@@ -46,30 +46,20 @@ def default_limits() -> ConnectionLimits:
 
 class Framing:
     """The bytes of a request that are not its body: its head, the sizes and extensions of chunks, trailers. Told of
-    what its parser says while it reads a piece of what came, and then of that piece."""
+    every piece of what came that does not end the request."""
 
     def __init__(self) -> None:
-        self._bytes = 0
-        self._body = 0
-        self._of_piece = 0
-        self._began = False
+        self._came: int | None = None
 
     def begins(self) -> None:
-        self._bytes = self._body = self._of_piece = 0
-        self._began = True
+        """A request, in the piece that is being read."""
+        self._came = None
 
-    def body_came(self, size: int) -> None:
-        self._of_piece += size
-
-    def too_much(self, size: int) -> bool:
-        """Whether it is, with this piece. The piece in which the request began may hold others before it."""
-        if self._began:
-            self._began = False
-        else:
-            self._bytes += size - self._of_piece
-        self._body += self._of_piece
-        self._of_piece = 0
-        return self._bytes > MAX_FRAMING_BYTES + FRAMING_A_BODY_BYTE * self._body
+    def too_much(self, size: int, body: int) -> bool:
+        """Whether it is, with this piece of `size` bytes, of `body` bytes of body so far. The piece in which the
+        request began may hold others before it."""
+        self._came = came = body if self._came is None else self._came + size
+        return came - body > MAX_FRAMING_BYTES + FRAMING_A_BODY_BYTE * body
 
 
 class Held(Protocol):

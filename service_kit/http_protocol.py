@@ -21,6 +21,7 @@ from uvicorn.protocols.http.httptools_impl import STATUS_LINE, HttpToolsProtocol
 from contracts.errors import ErrorBody, ErrorDetail
 from service_kit.auth import OPEN_PATHS
 from service_kit.errors import ServiceError
+from service_kit.http_head import without_upgrade
 from service_kit.http_limits import MAX_FRAMING_BYTES, Framing, OpenConnections, unread_bytes
 
 LEAST_BYTES_PER_S = 1024
@@ -28,8 +29,6 @@ LEAST_BYTES_PER_S = 1024
 MAX_DROPPED_BYTES = 64 * 1024 * 1024
 """So much of a body is read and dropped after its request was refused, so that the caller sees why."""
 _OPEN_PATHS = frozenset(path.encode() for path in OPEN_PATHS)
-_UPGRADE_HEADERS = frozenset({b"upgrade", b"http2-settings"})
-_UPGRADE_TOKENS = frozenset({b"upgrade", b"http2-settings"})
 
 Stage = Literal["none", "head", "body", "idle"]
 """What a connection's caller is waited for with: nothing, a request's head, its body, or a request at all."""
@@ -41,7 +40,8 @@ class ServiceProtocol(HttpToolsProtocol):
     def __init__(self, connections: OpenConnections, **uvicorns: Any) -> None:
         super().__init__(**uvicorns)
         self._all = connections
-        self._limits = connections.limits
+        self._limits = limits = connections.limits
+        self._within_s = {"head": limits.head_within_s, "body": limits.body_within_s, "idle": limits.keep_alive_s}
         self._stage: Stage = "none"
         self._watched: Stage = "none"
         self._due = 0.0
@@ -50,7 +50,8 @@ class ServiceProtocol(HttpToolsProtocol):
         self._unread = 0
         self._bodies: deque[int] = deque()  # bytes held of each request without an answer yet
         self._framing = Framing()
-        self._dropped, self._body_at = 0, 0.0
+        self._body_bytes = self._dropped = 0
+        self._body_at = 0.0
 
     # -- what the transport tells
 
@@ -76,12 +77,13 @@ class ServiceProtocol(HttpToolsProtocol):
                 self.break_off(400, "bad_request", "this is not a valid HTTP/1.1 request")
                 return
             break
-        if self._framing.too_much(size):
+        stage = self._stage
+        if stage == "none":
+            if self._is_idle():
+                stage = "head" if self.cycle is None else "idle"  # line breaks between requests: nothing has begun
+        elif self._framing.too_much(size, self._body_bytes):
             self.break_off(431, "head_too_large", f"a request's head may have {MAX_FRAMING_BYTES} bytes")
             return
-        stage = self._stage
-        if stage == "none" and self._is_idle():
-            stage = "head" if self.cycle is None else "idle"  # line breaks between requests: nothing has begun
         if stage != self._watched and not self.transport.is_closing():
             self._watch(stage)
 
@@ -109,8 +111,12 @@ class ServiceProtocol(HttpToolsProtocol):
     def on_message_begin(self) -> None:
         self._stage = "head"
         self._framing.begins()
-        self._dropped = 0
+        self._body_bytes = self._dropped = 0
         self._bodies.append(0)
+        self.begin_head()
+
+    def begin_head(self) -> None:
+        """The head of a request follows."""
         super().on_message_begin()
 
     def on_headers_complete(self) -> None:
@@ -128,13 +134,14 @@ class ServiceProtocol(HttpToolsProtocol):
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
-        self._framing.body_came(len(body))
+        size = len(body)
+        self._body_bytes += size
         if self._bodies:
-            self._bodies[-1] += len(body)
-            self._body_at = self.loop.time()
-            self._all.body_came(self, len(body), self._body_at)
+            self._bodies[-1] += size
+            self._body_at = now = self.loop.time()
+            self._all.body_came(self, size, now)
         else:
-            self._dropped += len(body)  # of a request that has its answer already
+            self._dropped += size  # of a request that has its answer already
             if self._dropped > MAX_DROPPED_BYTES:
                 self.transport.close()
         if not self.transport.is_closing():
@@ -235,9 +242,7 @@ class ServiceProtocol(HttpToolsProtocol):
         self._watched = stage
         if stage == "none":
             return
-        limits = self._limits
-        within_s = {"head": limits.head_within_s, "body": limits.body_within_s, "idle": limits.keep_alive_s}[stage]
-        self._due = self.loop.time() + within_s
+        self._due = self.loop.time() + self._within_s[stage]
         if self._timer is not None and self._timer.when() <= self._due:
             return
         self._remind()
@@ -286,15 +291,7 @@ class ServiceProtocol(HttpToolsProtocol):
     def _head_without_upgrade(self) -> bytes:
         """The head that was just read, its offer to change the protocol taken out; a new parser is to read it."""
         version = self.parser.get_http_version().encode()
-        lines = [self.parser.get_method() + b" " + self.url + b" HTTP/" + version]
-        for name, value in self.headers:
-            if name in _UPGRADE_HEADERS:
-                continue
-            if name == b"connection":
-                tokens = [token.strip() for token in value.split(b",")]
-                value = b", ".join(token for token in tokens if token.lower() not in _UPGRADE_TOKENS)
-            if value or name != b"connection":
-                lines.append(name + b": " + value)
+        first = self.parser.get_method() + b" " + self.url + b" HTTP/" + version
         self.parser = httptools.HttpRequestParser(self)
         cast(Any, self.parser).set_dangerous_leniencies(lenient_data_after_close=True)
-        return b"\r\n".join(lines) + b"\r\n\r\n"
+        return without_upgrade(first, self.headers)

@@ -34,9 +34,10 @@ class Breaker:
     def allow(self) -> bool:
         """Whether to make a call now. Half open, the first to ask gets through and the others don't until it is told
         how that went (or, where it never is, after another pause)."""
-        state = self.state
-        if state != "half_open":
-            return state == "closed"
+        if self._opened_at is None:
+            return True
+        if self.state == "open":
+            return False
         now = self._clock()
         if self._probe_since is not None and now - self._probe_since < self._pause_s:
             return False

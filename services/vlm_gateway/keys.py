@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from contracts.base import Wire
+from contracts.health import Access
 from service_kit.errors import ServiceError
 from service_kit.workers import Worker
 from services.vlm_gateway.config import KeyConfig
@@ -226,6 +227,14 @@ class Keys:
                 return known.key
         way = {"www-authenticate": "Bearer"}
         raise Unauthorised("send a key of this gateway as 'Authorization: Bearer <key>'", headers=way)
+
+    def access(self, authorization: bytes | None) -> Access:
+        """What such a header is worth."""
+        try:
+            key = self.of(authorization)
+        except Unauthorised:
+            return "wrong_token" if authorization else "missing_token"
+        return "open" if key is ANYBODY else "granted"
 
 
 class NewKey(Wire):

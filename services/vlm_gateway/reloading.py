@@ -1,4 +1,8 @@
-"""The configuration read anew while the gateway runs: at SIGHUP, and when its file or a key's file has changed."""
+"""The configuration read anew while the gateway runs: at SIGHUP, and when its file or a key's file has changed.
+
+A file may be looked at while it is being written, and half of one may be sound. So a change counts when the files are
+at the next look what they were at the one before; a signal says itself that all is written.
+"""
 
 import asyncio
 import contextlib
@@ -15,7 +19,7 @@ from services.vlm_gateway.chat.backend import ChatBackend
 
 log = logging.getLogger(__name__)
 
-EVERY_S = 2.0
+EVERY_S = 1.0
 SETTLE_S = 1.0
 """Calls that were about to start when a backend was replaced have started by then."""
 LONGEST_S = 3600.0
@@ -34,7 +38,7 @@ class Reloader:
         self._reload = reload
         self._files = files
         self._every_s = every_s
-        self._seen = self._signature()
+        self._read = self._last = self._signature()
         self._asked = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
         self.loaded_at = time.time()
@@ -57,7 +61,7 @@ class Reloader:
 
     def now(self) -> None:
         """Read it; what is wrong is told in the log and in the status, and the old one stays."""
-        self._seen = self._signature()
+        self._read = self._signature()
         try:
             retired = self._reload()
         except (BadSetting, OSError, ValueError) as error:
@@ -75,19 +79,24 @@ class Reloader:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(self._every_s):
                     await self._asked.wait()
-            if self._asked.is_set() or self._signature() != self._seen:
+            if self.has_changed() or self._asked.is_set():
                 self._asked.clear()
                 self.now()
 
-    def _signature(self) -> list[tuple[str, int, int]]:
+    def has_changed(self) -> bool:
+        """Whether the files are others than those that were read, and nobody writes them any more."""
+        before, self._last = self._last, self._signature()
+        return self._read != self._last == before
+
+    def _signature(self) -> list[tuple[str, int, int, int]]:
         """Changes when one of the files does."""
         found = []
         for path in self._files():
             try:
                 stat = path.expanduser().stat()
-                found.append((str(path), stat.st_mtime_ns, stat.st_ino))
+                found.append((str(path), stat.st_mtime_ns, stat.st_ino, stat.st_size))
             except OSError:
-                found.append((str(path), 0, 0))
+                found.append((str(path), 0, 0, 0))
         return found
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> None:

@@ -4,7 +4,7 @@ from fastapi.responses import Response
 from pydantic_core import to_json
 
 from service_kit.errors import ServiceError
-from services.vlm_gateway.anthropic.answer import error_body, message_of, status_of
+from services.vlm_gateway.anthropic.answer import error_of, message_of, status_of
 from services.vlm_gateway.anthropic.request import chat_of
 from services.vlm_gateway.anthropic.stream import MessageStream, written
 from services.vlm_gateway.upstream.replies import Spent
@@ -38,10 +38,17 @@ class MessagesAdapter:
         return b"" if self._stream is None else self._stream.end(used)
 
     def error(self, error: ServiceError, request_id: str) -> Response:
-        body = to_json(error_body(error, request_id))
+        body = error_of(error, request_id).model_dump_json()
         return Response(body, status_of(error), error.headers, "application/json")
 
     def last(self, error: ServiceError, request_id: str) -> bytes:
         """An error as the last event of a stream."""
-        told = error_body(error, request_id)
+        told = error_of(error, request_id).model_dump(mode="json")
         return written("error", error=told["error"], request_id=request_id)
+
+
+class CountAdapter(MessagesAdapter):
+    """Whoever asks how long a message is."""
+
+    def answer(self, body: bytes) -> bytes:
+        return body

@@ -1,8 +1,9 @@
 """A chat's answer, whole, as a message; and an error as Anthropic's clients read it."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
+from contracts.base import Wire
 from service_kit.errors import ServiceError
 from services.vlm_gateway.upstream.replies import Spent, tokens_of
 from services.vlm_gateway.upstream.server_json import parsed
@@ -27,6 +28,23 @@ _ERRORS = {
     504: "timeout_error",
     529: "overloaded_error",
 }
+
+
+class ErrorFacts(Wire):
+    """What went wrong: `type` is Anthropic's word for it, `code` this gateway's."""
+
+    type: str
+    message: str
+    code: str
+    details: dict[str, Any]
+
+
+class MessagesError(Wire):
+    """An error as Anthropic's clients read it."""
+
+    type: Literal["error"] = "error"
+    error: ErrorFacts
+    request_id: str
 
 
 def stop_reason(finish_reason: object, *, refused: bool = False) -> str:
@@ -110,7 +128,7 @@ def status_of(error: ServiceError) -> int:
     return 400 if error.status == 422 else error.status
 
 
-def error_body(error: ServiceError, request_id: str) -> dict[str, Any]:
+def error_of(error: ServiceError, request_id: str) -> MessagesError:
     kind = _ERRORS.get(error.status, "api_error" if error.status >= 500 else "invalid_request_error")
-    told = {"type": kind, "message": error.message, "code": error.code, "details": error.details}
-    return {"type": "error", "error": told, "request_id": request_id}
+    facts = ErrorFacts(type=kind, message=error.message, code=error.code, details=error.details)
+    return MessagesError(error=facts, request_id=request_id)

@@ -1,8 +1,8 @@
 """Asking the models for a chat: which ones, in which order, and what of their answers is kept and counted."""
 
-from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from service_kit.errors import NotFound, ServiceError
 from services.vlm_gateway.cache.claims import Claims
@@ -13,11 +13,13 @@ from services.vlm_gateway.hot.fitting import PictureFitter
 from services.vlm_gateway.hot.model_call import ModelCall
 from services.vlm_gateway.hot.relay import Course, Pieces, Relayed
 from services.vlm_gateway.hot.request import Chat, part_types, unknown_fields, unknown_parts
-from services.vlm_gateway.hot.rewriting import rewritten
+from services.vlm_gateway.hot.rewriting import NONE_SCALED, rewritten
 from services.vlm_gateway.hot.scan import Scanned
 from services.vlm_gateway.keys import Forbidden, Key, asking
 from services.vlm_gateway.metrics import GatewayMetrics
+from services.vlm_gateway.pictures import ChatPicture
 from services.vlm_gateway.tracking import NO_TRACER, Tracer
+from services.vlm_gateway.upstream.accepted import Accepted
 from services.vlm_gateway.upstream.client import Upstream
 from services.vlm_gateway.upstream.events import outcome_of
 from services.vlm_gateway.upstream.forms import CHAT, EMBEDDINGS, Form
@@ -25,7 +27,7 @@ from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.upstream.replies import Answer, Said, Spent
 from services.vlm_gateway.upstream.server_json import parsed
 from services.vlm_gateway.upstream.stream import ChatStream
-from services.vlm_gateway.usage.accounts import Accounts, estimated
+from services.vlm_gateway.usage.accounts import Accounts, Bill, estimated
 
 
 class Answered(NamedTuple):
@@ -38,18 +40,19 @@ class Answered(NamedTuple):
 
 class ModelRequest(NamedTuple):
     """A request that nobody knows the answer to. `targets` are asked in turn, on the route that `form` is, with what
-    `body` makes of the request for each (BadQuestion: `bad_image`). `estimate` is what it may use. `digest` is what the
-    answer is to be kept under, empty where it is not to be kept. `wants_usage`: the caller asks what a stream cost;
-    `limits_length`: an answer that is cut is what was asked for."""
+    `body` makes of the request for each, some of its `pictures` scaled (their data URLs by their place). `estimate` is
+    what it may use. `digest` is what the answer is to be kept under, empty where it is not to be kept. `wants_usage`:
+    the caller asks what a stream cost; `limits_length`: an answer that is cut is what was asked for."""
 
     targets: Sequence[Upstream]
     form: Form
-    body: Callable[[Upstream], Awaitable[Sequence[Buffer]]]
+    body: Callable[[Accepted, Mapping[int, str]], Sequence[Buffer]]
     estimate: Spent
     trace: bytes | None = None
     digest: str = ""
     wants_usage: bool = False
     limits_length: bool = False
+    pictures: Sequence[ChatPicture] = ()
 
     def in_turn(self) -> Iterator[tuple[Upstream, Upstream | None]]:
         """Every target with the one that comes after it."""
@@ -125,25 +128,31 @@ class Models:
         return ModelRequest(
             self.asked(chat, key),
             CHAT,
-            partial(self._chat_body, scanned, chat),
+            partial(rewritten, scanned, chat),
             estimate,
             trace,
             digest,
             chat.wants_usage,
             chat.limits_length,
+            chat.pictures,
         )
 
-    async def whole_once(self, call: ModelRequest) -> Answered:
+    def whole_once(self, call: ModelRequest) -> Coroutine[Any, Any, Answered]:
         """As `whole`, unless another worker is getting the answer."""
-        make = partial(self.whole, call)
-        return await (make() if self._claims is None else self._claims.once(call.digest, make, _kept_before))
+        if self._claims is None:
+            return self.whole(call)
+        return self._claims.once(call.digest, partial(self.whole, call), _kept_before)
 
     async def whole(self, call: ModelRequest) -> Answered:
         """Target by target, until one answers. Raises OverBudget as well."""
         for target, after in call.in_turn():
-            asked = await self._begin(target, call)
+            bill = self._accounts.bill(asking.get(), target.alias, call.estimate)
+            if bill.is_bounded:
+                await bill.reserve()
+            asked = self._begun(target, call, bill)
             try:
-                answer = await target.whole(await call.body(target), asked.trace, asked.asked, call.form)
+                scaled = await self._scaled(target, call) if call.pictures else NONE_SCALED
+                answer = await target.whole(call.body(target.accepts, scaled), asked.trace, asked.asked, call.form)
                 if answer.said.message is None and call.form is CHAT:
                     raise target.no_choice()
             except ModelError as error:
@@ -165,7 +174,10 @@ class Models:
         """A stream's bytes as they come, once one of the targets has something to say. Kept whole, with its end seen,
         or not at all. What was passed on is paid for, however it ends. Raises OverBudget as well."""
         for target, after in call.in_turn():
-            asked = await self._begin(target, call)
+            bill = self._accounts.bill(asking.get(), target.alias, call.estimate)
+            if bill.is_bounded:
+                await bill.reserve()
+            asked = self._begun(target, call, bill)
             try:
                 stream = await self._opened(target, call, asked)
             except ModelError as error:
@@ -195,27 +207,21 @@ class Models:
                 self._keep(call, target, Stored(target.alias, True, whole))
             return
 
-    async def _begin(self, target: Upstream, call: ModelRequest) -> ModelCall:
-        """A call to one target, its estimate reserved. Raises OverBudget."""
-        bill = self._accounts.bill(asking.get(), target.alias, call.estimate)
-        if bill.is_bounded:
-            await bill.reserve()
+    def _begun(self, target: Upstream, call: ModelRequest, bill: Bill) -> ModelCall:
+        """A call to one target, its estimate reserved."""
         span = self._tracer.model_call(call.trace, target.provider, target.model.config.model, target.alias)
         return ModelCall(target, bill, self._metrics, span, call.trace)
 
-    async def _chat_body(self, scanned: Scanned, chat: Chat, target: Upstream) -> list[Buffer]:
-        """A chat in this target's words, its pictures scaled where the target takes no such ones. Raises BadQuestion
-        (`bad_image`)."""
-        pictures, accepts = chat.pictures, target.accepts
-        scaled = await self._fitter.fitted(pictures, accepts.pictures) if pictures else None
-        return rewritten(scanned, chat, accepts, scaled)
+    def _scaled(self, target: Upstream, call: ModelRequest) -> Awaitable[Mapping[int, str]]:
+        """The pictures that this target does not take as they are. Raises BadQuestion (`bad_image`)."""
+        return self._fitter.fitted(call.pictures, target.accepts.pictures)
 
     async def _opened(self, target: Upstream, call: ModelRequest, asked: ModelCall) -> ChatStream:
         """The stream of one target. A server that does not know how to count a stream's tokens isn't asked to again."""
         while True:
             counting = call.counts(target)
             try:
-                body = await call.body(target)
+                body = call.body(target.accepts, await self._scaled(target, call) if call.pictures else NONE_SCALED)
                 return await target.stream(body, asked.trace, asked.asked, call.form, without_usage=counting)
             except ModelRejected as error:
                 if not counting or not target.refuses_to_count(error):

@@ -21,6 +21,7 @@ from services.vlm_gateway.keys import ANYBODY, Key
 from services.vlm_gateway.tracking import NO_SPAN, Span, Tracer
 from services.vlm_gateway.upstream.replies import Spent
 
+_CHUNKED: tuple[Header, ...] = ((b"transfer-encoding", b"chunked"),)
 _EXPOSE = b"access-control-expose-headers: " + ", ".join(EXPOSED).encode() + b"\r\nvary: origin\r\n"
 
 
@@ -35,19 +36,28 @@ class Line(Protocol):
 
 
 class Exchange:
-    """`size` is how many bytes of the body have come, `status` and `sent` (bytes of the answer) what its caller saw.
+    """`takes_chunks`: the caller knows chunked answers (HTTP/1.1); others' streams end with the connection.
+    `size` is how many bytes of the body have come, `status` and `sent` (bytes of the answer) what its caller saw.
     To its connection it is a cycle of uvicorn's: `keep_alive`, `disconnected`, `response_complete` and `message_event`
     are what is looked at there."""
 
     message_event: ClassVar[asyncio.Event] = asyncio.Event()  # nobody waits for it
 
     def __init__(
-        self, line: Line, route: Route, headers: list[Header], keep_alive: bool, expects_100: bool, max_body_bytes: int
+        self,
+        line: Line,
+        route: Route,
+        headers: list[Header],
+        keep_alive: bool,
+        takes_chunks: bool,
+        expects_100: bool,
+        max_body_bytes: int,
     ) -> None:
         self._line = line
         self.route = route
         self.adapter = None if route.adapter is None else route.adapter()
         self._headers = headers
+        self._takes_chunks = takes_chunks
         self._expects_100 = expects_100
         self._max_body_bytes = max_body_bytes
         self._began = time.perf_counter()
@@ -177,7 +187,7 @@ class Exchange:
             self._tell(rendered(error) if self.adapter is None else self.adapter.error(error, name))
         elif not self.response_complete:
             body = event_of(error) if self.adapter is None else self.adapter.last(error, name)
-            self._write(_chunk(body) + b"0\r\n\r\n")
+            self._write_last(body)
             self._complete()
 
     def _tell(self, answer: Response) -> None:
@@ -190,18 +200,22 @@ class Exchange:
             return
         if not self.response_started:
             headers = ((b"content-type", kind), (b"cache-control", b"no-store"), (b"x-cache", self.cache.encode()))
-            self._write(self._head(200, (*headers, (b"transfer-encoding", b"chunked"))))
+            self._write(self._head(200, (*headers, *_CHUNKED) if self._takes_chunks else headers))
         if self._line.flow.write_paused:
             await self._line.flow.drain()
         self.sent += len(body)
-        self._write(_chunk(body))
+        self._write(_chunk(body) if self._takes_chunks else body)
 
     def end(self, outcome: str, used: Spent) -> None:
         """The end of a streamed answer."""
         self.outcome = outcome
-        last = b"" if self.adapter is None else self.adapter.end(used)
-        self._write((_chunk(last) if last else b"") + b"0\r\n\r\n")
+        self._write_last(b"" if self.adapter is None else self.adapter.end(used))
         self._complete()
+
+    def _write_last(self, body: bytes) -> None:
+        if self._takes_chunks:
+            body = (_chunk(body) if body else b"") + b"0\r\n\r\n"
+        self._write(body)
 
     def close(self) -> None:
         """Nothing follows: what has no end by now is broken off."""

@@ -16,9 +16,9 @@ import logging
 from collections.abc import Callable
 from functools import partial
 
+from pydantic_core import to_json
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from contracts.health import Access
 from service_kit.auth import OPEN_PATHS, note_access
 from service_kit.errors import ServiceError
 from service_kit.metrics import HttpMetrics
@@ -39,10 +39,10 @@ from services.vlm_gateway.hot.log import RequestLog
 from services.vlm_gateway.hot.relay import Broadcast, Course
 from services.vlm_gateway.hot.scan import read, scan
 from services.vlm_gateway.hot.server import CallerProtocol
-from services.vlm_gateway.keys import ANYBODY, Forbidden, Keys, Unauthorised, asking
+from services.vlm_gateway.keys import Forbidden, Keys, asking
 from services.vlm_gateway.metrics import GatewayMetrics
 from services.vlm_gateway.tracking import NO_TRACER, Tracer, identified, request_id
-from services.vlm_gateway.upstream.forms import CHAT
+from services.vlm_gateway.upstream.forms import CHAT, COUNT
 
 log = logging.getLogger(__name__)
 
@@ -103,7 +103,7 @@ class Frontend:
             await self._app(scope, receive, send)
             return
         if path in OPEN_PATHS:
-            note_access(scope, self._access(scope))
+            note_access(scope, self.keys.access(head_of(scope["headers"]).authorization))
             await self._app(scope, receive, send)
             return
         counted = scope["method"] == "POST" and path.startswith("/v1/")
@@ -127,14 +127,6 @@ class Frontend:
         finally:
             if counted:
                 key.leave()
-
-    def _access(self, scope: Scope) -> Access:
-        authorization = head_of(scope["headers"]).authorization
-        try:
-            key = self.keys.of(authorization)
-        except Unauthorised:
-            return "wrong_token" if authorization else "missing_token"
-        return "open" if key is ANYBODY else "granted"
 
     async def serve(self, exchange: Exchange) -> None:
         """One request to a model, its errors and its figures."""
@@ -184,8 +176,13 @@ class Frontend:
                 raw = await without_encoding(raw, head.encoding.decode("latin-1"), self.max_body_bytes)
             if limit_s is not None:
                 deadline.limit(max(0.001, limit_s - exchange.took_s()), partial(too_late, limit_s))
-            if exchange.route.form is CHAT:
-                await self._chat(head, raw if exchange.adapter is None else exchange.adapter.request(raw), exchange)
+            form, adapter = exchange.route.form, exchange.adapter
+            if adapter is not None:
+                raw = adapter.request(raw)
+            if form is CHAT:
+                await self._chat(head, raw, exchange)
+            elif form is COUNT:
+                await self._counted(raw, exchange)
             else:
                 await self._further(raw, exchange)
         except asyncio.CancelledError:
@@ -195,6 +192,13 @@ class Frontend:
             assert task is not None
             task.uncancel()
             raise deadline.why from None
+
+    async def _counted(self, raw: bytes, exchange: Exchange) -> None:
+        """How long a chat is: an estimate, which is said."""
+        scanned, chat = await asyncio.to_thread(read, scan(raw), self._limits)
+        call = self.models.chat(scanned, chat, exchange.key, None, "")
+        exchange.alias = call.targets[0].alias
+        exchange.answer(to_json({"input_tokens": call.estimate.prompt, "estimated": True}), _JSON)
 
     async def _further(self, raw: bytes, exchange: Exchange) -> None:
         big = len(raw) > BIG_SKELETON_BYTES

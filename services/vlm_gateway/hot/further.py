@@ -19,7 +19,7 @@ from services.vlm_gateway.errors import invalid
 from services.vlm_gateway.hot.calls import ModelRequest, Models
 from services.vlm_gateway.hot.request import MAX_ALIAS, Chat, addresses_in
 from services.vlm_gateway.keys import Key
-from services.vlm_gateway.upstream.client import Upstream
+from services.vlm_gateway.upstream.accepted import Accepted
 from services.vlm_gateway.upstream.forms import COMPLETIONS, EMBEDDINGS, RESPONSES, Form
 from services.vlm_gateway.upstream.http_reply import Buffer
 from services.vlm_gateway.usage.accounts import estimated
@@ -53,9 +53,9 @@ def further(form: Form, raw: bytes, models: Models, key: Key, trace: bytes | Non
     return Further(call, chat.stream)
 
 
-async def _for_target(form: Form, chat: Chat, target: Upstream) -> list[Buffer]:
-    body = {**chat.body, "model": json.loads(target.accepts.model_json)}
-    if chat.stream and form.counts_when_asked and target.accepts.counts_streams and not chat.wants_usage:
+def _for_target(form: Form, chat: Chat, accepts: Accepted, _: Mapping[int, str]) -> list[Buffer]:
+    body = {**chat.body, "model": json.loads(accepts.model_json)}
+    if chat.stream and form.counts_when_asked and accepts.counts_streams and not chat.wants_usage:
         body["stream_options"] = {**(body.get("stream_options") or {}), "include_usage": True}
     return [to_json(body)]
 

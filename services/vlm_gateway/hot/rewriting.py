@@ -13,10 +13,11 @@ from services.vlm_gateway.upstream.http_reply import Buffer
 
 _MODEL = re.compile(rb'"model"\s*:\s*"((?:[^"\\]){1,128})"')
 _LIMITS = ("max_tokens", "max_completion_tokens")
+NONE_SCALED: Mapping[int, str] = {}
 _COUNTED = b'{"stream_options":{"include_usage":true},'
 
 
-def rewritten(scanned: Scanned, chat: Chat, accepts: Accepted, scaled: Mapping[int, str] | None = None) -> list[Buffer]:
+def rewritten(scanned: Scanned, chat: Chat, accepts: Accepted, scaled: Mapping[int, str] = NONE_SCALED) -> list[Buffer]:
     """The body to send on, in pieces; the pictures are those of `raw` itself, but for the `scaled` ones: data URLs by
     their place among the chat's pictures."""
     body = chat.body
@@ -42,7 +43,7 @@ def rewritten(scanned: Scanned, chat: Chat, accepts: Accepted, scaled: Mapping[i
         if counts:
             skeleton = skeleton.replace(b"{", _COUNTED, 1)
     else:
-        skeleton = _composed(chat, accepts, counts, scaled or {})
+        skeleton = _composed(chat, accepts, counts, scaled)
     return filled(skeleton, scanned.pictures)
 
 

@@ -7,8 +7,9 @@ from fastapi import FastAPI
 from fastapi.responses import Response
 
 from service_kit.errors import ServiceError
-from services.vlm_gateway.anthropic.adapter import MessagesAdapter
-from services.vlm_gateway.upstream.forms import CHAT, COMPLETIONS, EMBEDDINGS, RESPONSES, Form
+from services.vlm_gateway.anthropic.adapter import CountAdapter, MessagesAdapter
+from services.vlm_gateway.anthropic.answer import MessagesError
+from services.vlm_gateway.upstream.forms import CHAT, COMPLETIONS, COUNT, EMBEDDINGS, RESPONSES, Form
 from services.vlm_gateway.upstream.replies import Spent
 
 
@@ -55,6 +56,13 @@ ROUTES = (
         "Anthropic's messages, streamed or not, of the same models: asked, kept and answered as chats.",
         MessagesAdapter,
     ),
+    Route(
+        "/v1/messages/count_tokens",
+        COUNT,
+        "How many tokens Anthropic's message would have, by this gateway's estimate, which budgets reserve by: a token "
+        "for four bytes of text, 1000 for a picture. No model is asked.",
+        CountAdapter,
+    ),
     Route("/v1/completions", COMPLETIONS, f"OpenAI's completions, streamed or not, {_THROUGH}"),
     Route("/v1/responses", RESPONSES, f"OpenAI's responses, streamed or not, {_THROUGH}"),
     Route("/v1/embeddings", EMBEDDINGS, f"OpenAI's embeddings, {_THROUGH}"),
@@ -64,9 +72,18 @@ BY_PATH = {route.path.encode(): route for route in ROUTES}
 
 def describe(app: FastAPI) -> None:
     """All of them for the API's description: `server.py` sends what is asked on them past the framework."""
+    usual = app.router.responses
+    # what the connection refuses before it is known what was asked has the usual form there too
+    anthropics = {status: {**usual[status], "model": MessagesError} for status in usual if status != 421}
+    anthropics[422] = {**anthropics[422], "description": "not sent here: what is 422 elsewhere is 400"}
     for route in ROUTES:
-        name = route.path.removeprefix("/v1/").replace("/", "_")
-        app.post(route.path, response_model=None, name=name, description=route.about)(_passed)
+        app.post(
+            route.path,
+            response_model=None,
+            name=route.path.removeprefix("/v1/").replace("/", "_"),
+            description=route.about,
+            responses=None if route.adapter is None else anthropics,
+        )(_passed)
 
 
 async def _passed(body: dict[str, Any]) -> Response:

@@ -43,15 +43,20 @@ class CallerProtocol(ServiceProtocol):
 
     # -- what the parser tells
 
+    def begin_head(self) -> None:
+        self.url, self.headers, self.expect_100_continue = b"", [], False
+
     def on_request(self) -> None:
         self._coming = None
-        route = self._route() if self.parser.get_method() == b"POST" else None
+        parser = self.parser
+        route = (BY_PATH.get(self.url) or self._route()) if parser.get_method() == b"POST" else None
         if route is None:
-            super().on_request()
+            self._through_framework()
             return
-        keep_alive = self.parser.get_http_version() != "1.0" and self.parser.should_keep_alive()
+        modern = parser.get_http_version() != "1.0"
+        keep_alive = modern and parser.should_keep_alive()
         limit = self._frontend.max_body_bytes
-        exchange = Exchange(self, route, self.headers, keep_alive, self.expect_100_continue, limit)
+        exchange = Exchange(self, route, self.headers, keep_alive, modern, self.expect_100_continue, limit)
         before, self.cycle = self.cycle, cast(RequestResponseCycle, exchange)  # as far as its connection looks at it
         self._coming = exchange
         if before is None or before.response_complete:
@@ -76,7 +81,15 @@ class CallerProtocol(ServiceProtocol):
             self._coming.came_whole()
 
     def _route(self) -> Route | None:
-        return BY_PATH.get(self.url) or BY_PATH.get(unquote_to_bytes(httptools.parse_url(self.url).path or b""))
+        return BY_PATH.get(unquote_to_bytes(httptools.parse_url(self.url).path or b""))
+
+    def _through_framework(self) -> None:
+        """Only here is a scope made of the head."""
+        url, headers, expects_100 = self.url, self.headers, self.expect_100_continue
+        super().begin_head()
+        self.url, self.expect_100_continue = url, expects_100
+        self.headers += headers  # the list that the scope has
+        super().on_request()
 
     # -- what the connection does
 

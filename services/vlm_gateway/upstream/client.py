@@ -120,23 +120,23 @@ class Upstream:
         wanted = Request(urlsplit(call.url).path, [call.body], None, at_root=True)
         return await self._admitted(wanted, once, patient=True)
 
-    async def whole(
+    def whole(
         self,
         body: Sequence[Buffer],
         trace: bytes | None,
         sending: Callable[[], None],
         form: Form = CHAT,
-    ) -> Answer:
+    ) -> Awaitable[Answer]:
         """One whole reply to a chat, or on another route; `sending` is told when the server is about
         to be asked. Raises as `ask` does."""
 
-        async def once(attempt: Attempt) -> Answer:
+        def once(attempt: Attempt) -> Awaitable[Answer]:
             sending()
-            return await self._whole(attempt, form.api)
+            return self._whole(attempt, form.api)
 
-        return await self._admitted(Request(form.route, body, trace), once)
+        return self._admitted(Request(form.route, body, trace), once)
 
-    async def stream(
+    def stream(
         self,
         body: Sequence[Buffer],
         trace: bytes | None,
@@ -144,15 +144,15 @@ class Upstream:
         form: Form = CHAT,
         *,
         without_usage: bool,
-    ) -> ChatStream:
+    ) -> Awaitable[ChatStream]:
         """The reply once there is something in it for the caller; its place is held until that is closed. Raises as
         `ask` does."""
 
-        async def once(attempt: Attempt) -> ChatStream:
+        def once(attempt: Attempt) -> Awaitable[ChatStream]:
             sending()
-            return await self._stream(attempt, without_usage, form)
+            return self._stream(attempt, without_usage, form)
 
-        return await self._admitted(Request(form.route, body, trace), once)
+        return self._admitted(Request(form.route, body, trace), once)
 
     async def _admitted(self, wanted: Request, once: Callable[[Attempt], Awaitable[T]], *, patient: bool = False) -> T:
         """`once`, with a place of the model's and as often as it takes; a stream keeps its place until it is closed."""
@@ -222,21 +222,20 @@ class Upstream:
         raise ModelUnreachable(message, details=details, headers={"Retry-After": "2"})
 
     async def _whole(self, attempt: Attempt, api: Api = "openai") -> Answer:
-        with attempt.call as call:
-            try:
-                pool = attempt.endpoint.pool
-                status, headers, body = await pool.whole(attempt.request(), attempt.deadline, MAX_REPLY_BYTES)
-            except BrokenReply as broken:
-                raise self._broken(broken, call) from None
-            try:
-                if status != 200:
-                    raise self._replies.refusal(status, body, said_in(headers))
-                said = self._replies.said(api, body, headers)
-            except ModelError as error:
-                _learn(error, call)
-                raise
-            call.succeeded()
-            return Answer(self._replies.masked(body), said)
+        call, pool = attempt.call, attempt.endpoint.pool
+        try:
+            status, headers, body = await pool.whole(attempt.request(), attempt.deadline, MAX_REPLY_BYTES)
+        except BrokenReply as broken:
+            raise self._broken(broken, call) from None
+        try:
+            if status != 200:
+                raise self._replies.refusal(status, body, said_in(headers))
+            said = self._replies.said(api, body, headers)
+        except ModelError as error:
+            _learn(error, call)
+            raise
+        call.succeeded()
+        return Answer(self._replies.masked(body), said)
 
     async def _stream(self, attempt: Attempt, without_usage: bool, form: Form) -> ChatStream:
         call, deadline = attempt.call, attempt.deadline

@@ -23,3 +23,5 @@ CHAT = Form("chat", "/chat/completions", "openai", ChatReader, True)
 COMPLETIONS = Form("completions", "/completions", "other", ChatReader, True)
 RESPONSES = Form("responses", "/responses", "other", ResponsesReader, False)
 EMBEDDINGS = Form("embeddings", "/embeddings", "other", ChatReader, False)
+COUNT = Form("count_tokens", "", "other", ChatReader, False)
+"""How long a chat is, which no server is asked."""

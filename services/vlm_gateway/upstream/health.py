@@ -6,8 +6,7 @@ callers have met them.
 """
 
 from collections import Counter, OrderedDict
-from types import TracebackType
-from typing import Literal, Self
+from typing import Literal
 
 from services.vlm_gateway.breaker import Breaker, State
 
@@ -48,13 +47,15 @@ class ServerHealth:
 
     def allow(self, caller: str) -> bool:
         """Whether to make a call for this caller now."""
-        own = self._callers.get(caller)
+        own = self._callers.get(caller) if self._callers else None
         return (own is None or own.allow()) and self._everybody.allow()
 
     def success(self, caller: str) -> None:
         self._everybody.success()
-        self._callers.pop(caller, None)
-        self._since_success.clear()
+        if self._callers:
+            self._callers.pop(caller, None)
+        if self._since_success:
+            self._since_success.clear()
 
     def alive(self, caller: str) -> None:
         """A call under way has brought content."""
@@ -119,11 +120,3 @@ class Call:
         if not self._told:
             self._told = True
             self._health.undecided(self._caller)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

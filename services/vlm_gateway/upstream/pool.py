@@ -3,8 +3,8 @@
 import asyncio
 import ssl
 from collections import deque
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Awaitable, Sequence
+from typing import NamedTuple, cast
 
 from services.vlm_gateway.upstream.connection import Connection
 from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
@@ -46,17 +46,13 @@ class Pool:
     def live(self) -> int:
         return len(self._live)
 
-    async def whole(self, request: Sequence[Buffer], deadline: float, max_bytes: int) -> Reply:
+    def whole(self, request: Sequence[Buffer], deadline: float, max_bytes: int) -> Awaitable[Reply]:
         """Send `request`, head and body, and wait for all of the reply. Raises BrokenReply."""
-        reply = await self._sent(request, deadline, max_bytes)
-        assert isinstance(reply, Reply)
-        return reply
+        return cast(Awaitable[Reply], self._sent(request, deadline, max_bytes))
 
-    async def stream(self, request: Sequence[Buffer], deadline: float) -> Stream:
+    def stream(self, request: Sequence[Buffer], deadline: float) -> Awaitable[Stream]:
         """Send `request` and wait for the reply's head. Raises BrokenReply."""
-        stream = await self._sent(request, deadline, None)
-        assert isinstance(stream, Stream)
-        return stream
+        return cast(Awaitable[Stream], self._sent(request, deadline, None))
 
     def close(self) -> None:
         self._closed = True

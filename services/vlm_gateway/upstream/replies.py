@@ -46,6 +46,8 @@ _MISCONFIGURED = {
 }
 """What the gateway's operator has got wrong, by the server's status."""
 MAX_WORDS = 500
+MOST_TOKENS = 1_000_000_000
+"""No answer takes more: a server that says so has not counted, and sums of it would break the accounts."""
 _NO_SECRET = b"\x00 no key has this in it"
 
 
@@ -225,7 +227,8 @@ def tokens_of(usage: object) -> Spent:
     """The counts in OpenAI's `usage`; 0 where there are none."""
     counts = usage if isinstance(usage, dict) else {}
     prompt, completion = counts.get("prompt_tokens"), counts.get("completion_tokens")
-    return _tokens(counts.get("input_tokens") if prompt is None else prompt, completion or counts.get("output_tokens"))
+    prompt = counts.get("input_tokens") if prompt is None else prompt
+    return Spent(_count(prompt), _count(completion or counts.get("output_tokens")))
 
 
 def retry_after_s(value: str | None) -> float | None:
@@ -260,7 +263,7 @@ def _ollama(reply: dict[str, Any]) -> Said | None:
     message = _message(reply["message"])
     if message is not None and message.get("thinking"):
         message = {**message, "reasoning": message["thinking"]}
-    tokens = _tokens(reply.get("prompt_eval_count"), reply.get("eval_count"))
+    tokens = Spent(_count(reply.get("prompt_eval_count")), _count(reply.get("eval_count")))
     return Said(message, _text(reply.get("done_reason")), tokens)
 
 
@@ -272,9 +275,8 @@ def _text(value: object) -> str | None:
     return value if isinstance(value, str) else None
 
 
-def _tokens(prompt: object, completion: object) -> Spent:
-    return Spent(_count(prompt), _count(completion))
-
-
 def _count(value: object) -> int:
-    return value if isinstance(value, int) and not isinstance(value, bool) and value >= 0 else 0
+    """A number of tokens; 0 where it can't be one."""
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MOST_TOKENS else 0

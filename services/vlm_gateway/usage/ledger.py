@@ -3,7 +3,8 @@
 What is spent lies in a store that workers and replicas share. Asking it for every call would make calls slow, so a
 worker takes room for a few calls at a time where there is plenty, and call by call where a budget runs out; what was
 spent is written every fifth of a second, and room that is not used is given back then. A store that is down fails no
-call: budgets are kept by what was last known, and what is spent is written once the store is back.
+call, and none but the one that finds it out waits for it: budgets are kept by what was last known, and what is spent is
+written once the store is back.
 """
 
 import asyncio
@@ -84,7 +85,7 @@ class Ledger:
         self._one_at_a_time = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
         self._timer: asyncio.TimerHandle | None = None
-        self._down_until: float | None = None
+        self._down = False
 
     @property
     def place(self) -> str:
@@ -92,7 +93,7 @@ class Ledger:
 
     @property
     def state(self) -> str:
-        return "ok" if self._down_until is None else "down"
+        return "down" if self._down else "ok"
 
     async def reserve(self, spender: Spender, cost: Cost) -> Reservation:
         """Room for a call in every budget that bounds it. Raises OverBudget."""
@@ -101,7 +102,11 @@ class Ledger:
         now = self._clock()
         accounts = tuple(Account(budget.owner, period_of(budget.period, now)) for budget in spender.budgets)
         reservation = Reservation(accounts, cost)
-        if not self._taken(reservation):
+        if self._taken(reservation):
+            return reservation
+        if self._down:
+            self._take_by_what_is_known(spender, reservation, now)
+        else:
             # a task of its own: a caller who leaves now must not leave behind an update of which nobody knows
             task = self._start(self._ask(spender, reservation, now))
             try:
@@ -127,7 +132,7 @@ class Ledger:
             for account in reservation.accounts:
                 self._rooms[account].unwritten = self._rooms[account].unwritten.plus(used.cost)
         if self._timer is None:
-            self._later(FLUSH_EVERY_S)
+            self._later(RETRY_EVERY_S if self._down else FLUSH_EVERY_S)
 
     async def page(self, accounts: Sequence[Account]) -> Page:
         """What was used, this moment's calls of this worker included. Raises UsageDown."""
@@ -180,21 +185,29 @@ class Ledger:
         async with self._one_at_a_time:
             if self._taken(reservation):
                 return  # somebody else asked for more than was needed
+            if self._down:
+                self._take_by_what_is_known(spender, reservation, now)
+                return
             cost = reservation.cost
             more = Cost(cost.tokens * CALLS_AT_ONCE, cost.nano_usd * CALLS_AT_ONCE)
             bounds = list(zip(reservation.accounts, spender.budgets, strict=True))
             for account in reservation.accounts:
                 self._rooms.setdefault(account, _Room())
             try:
-                if self._down_until is not None and self._clock() < self._down_until:
-                    raise UsageDown("it was down a moment ago")
                 refused = await self._write([Wish(account, *budget.most, cost, more) for account, budget in bounds])
             except UsageDown:
-                fit = [self._rooms[account].fits_by_what_is_known(budget, cost) for account, budget in bounds]
-                refused = None if all(fit) else fit.index(False)
+                self._take_by_what_is_known(spender, reservation, now)
+                return
             if refused is not None:
                 raise over_budget(spender, spender.budgets[refused], now)
             self._use(reservation)
+
+    def _take_by_what_is_known(self, spender: Spender, reservation: Reservation, now: float) -> None:
+        """Without the store. Raises OverBudget."""
+        for account, budget in zip(reservation.accounts, spender.budgets, strict=True):
+            if not self._rooms.setdefault(account, _Room()).fits_by_what_is_known(budget, reservation.cost):
+                raise over_budget(spender, budget, now)
+        self._use(reservation)
 
     async def _write(self, wishes: Sequence[Wish] = ()) -> int | None:
         """Tell the store what was spent and is still held, and ask for what is wished for; which of that is refused.
@@ -212,7 +225,7 @@ class Ledger:
         except UsageDown as error:
             self._lost(error)
             raise
-        self._down_until = None
+        self._down = False
         for charge in self._batch.charges:
             if (known := self._rooms.get(charge.account)) is not None:
                 known.unwritten = known.unwritten.minus(charge.used.cost)
@@ -246,7 +259,7 @@ class Ledger:
         async with self._one_at_a_time:
             with contextlib.suppress(UsageDown):
                 await self._write()
-        if self._down_until is not None:
+        if self._down:
             self._later(RETRY_EVERY_S)
         elif self._unwritten:
             self._later(FLUSH_EVERY_S)
@@ -258,6 +271,7 @@ class Ledger:
 
     def _lost(self, error: UsageDown) -> None:
         self._failed()
-        if self._down_until is None:
+        if not self._down:
             log.warning("usage can't be written, budgets are kept by what is known: %s", error)
-        self._down_until = self._clock() + RETRY_EVERY_S
+        self._down = True
+        self._later(RETRY_EVERY_S)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import httpx
 import pytest
 
+from services.vlm_gateway.reloading import Reloader
 from tests.load.processes import Running, service
 from tests.services.vlm_gateway.kit import wait_until
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, says, says_when, streams
@@ -98,6 +99,20 @@ def test_a_changed_file_is_read_by_itself_and_a_wrong_one_keeps_the_old(subject:
     assert subject.configured()["problem"] == ""
     assert subject.ask("old", model="other").status_code == 200
     assert subject.ask("old").status_code == 404
+
+
+def test_a_file_is_not_read_while_it_is_being_written(tmp_path: Path) -> None:
+    file = tmp_path / "gateway.toml"
+    file.write_text("[keys.one]\n")
+    reloader = Reloader(lambda: (), lambda: [file])
+    assert not reloader.has_changed()
+    file.write_text("[keys.one]\n[keys.tw")
+    assert not reloader.has_changed()
+    file.write_text("[keys.one]\n[keys.two]\n")
+    assert not reloader.has_changed()
+    assert reloader.has_changed()
+    reloader.now()
+    assert not reloader.has_changed()
 
 
 def test_a_file_that_was_emptied_keeps_the_old_one(subject: Subject) -> None:

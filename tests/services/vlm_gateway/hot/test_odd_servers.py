@@ -5,6 +5,7 @@ import json
 import time
 from typing import Any
 
+import httpx
 import pytest
 from aiohttp import web
 
@@ -141,3 +142,17 @@ async def test_data_after_an_odd_event_still_counts_as_life(serve: Serve, mock: 
 def test_stream_options_that_are_no_object_are_refused(serve: Serve, mock: OpenAiMock) -> None:
     refused = post(serve(build({"m": chat_backend(mock)}).app), PATH, chat(stream_options=5))
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "invalid")
+
+
+def test_a_count_that_can_t_be_one_is_none_and_stops_no_account(serve: Serve, mock: OpenAiMock) -> None:
+    url = serve(build({"m": chat_backend(mock)}).app)
+    for count in (10**30, -5, 0.5, True):
+        usage = {"prompt_tokens": count, "completion_tokens": count}
+        mock.will(sends(json.dumps(completion("hello") | {"usage": usage}).encode()))
+        assert post(url, PATH, chat(stream=False)).status_code == 200
+    mock.will(sends(json.dumps(completion("hello") | {"usage": {"prompt_tokens": 30.0}}).encode()))
+    assert post(url, PATH, chat(stream=False)).status_code == 200
+    (owner,) = httpx.get(url + "/v1/usage", timeout=60).json()["owners"]
+    (used,) = owner["today"]
+    assert used["calls"] == 5
+    assert 30 < used["prompt_tokens"] < 200

@@ -271,3 +271,21 @@ def test_a_chat_sent_as_gzip_is_answered(serve: Serve, mock: OpenAiMock) -> None
     answer = httpx.post(url + PATH, content=gzip.compress(chat("packed")), headers=packed, timeout=60)
     assert (answer.status_code, mock.asked[-1].body["messages"][0]["content"]) == (200, "packed")
     assert httpx.post(url + PATH, content=b"no gzip", headers=packed, timeout=60).status_code == 400
+
+
+@pytest.mark.parametrize("breaks", [False, True])
+def test_a_stream_to_a_caller_who_knows_no_chunks_ends_with_its_connection(
+    caller_of: Calling, url: str, mock: OpenAiMock, breaks: bool
+) -> None:
+    mock.will(streams("one", "two", done=not breaks))
+    caller = caller_of(url)
+    caller.send(post(chat(stream=True), version="1.0"))
+    whole = b""
+    while data := caller.socket.recv(65536):
+        whole += data
+    head, _, body = whole.partition(b"\r\n\r\n")
+    assert b"transfer-encoding" not in head
+    assert b"connection: close" in head
+    assert body.strip().startswith(b"data: {")
+    assert body.endswith(b"data: [DONE]\n\n") is not breaks
+    assert (b'"error"' in body) is breaks

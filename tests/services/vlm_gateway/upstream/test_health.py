@@ -1,5 +1,7 @@
 """Whom failures stop: everybody where the server is gone, one caller where it may be that caller's requests."""
 
+from contextlib import closing
+
 from services.vlm_gateway.upstream.health import FAILURES, ServerHealth
 
 
@@ -43,11 +45,11 @@ def test_without_keys_everybody_is_one_caller() -> None:
 def test_a_success_forgives_and_a_call_that_was_given_up_frees_the_probe() -> None:
     health = ServerHealth(failures=1, pause_s=0.0)
     health.failure("a", "server")
-    with health.call("a"):
+    with closing(health.call("a")):
         assert health.allow("a")
         assert health.state == "half_open"
     assert health.allow("b")  # the probe ended undecided, so another may try at once
-    with health.call("b") as call:
+    with closing(health.call("b")) as call:
         call.succeeded()
         call.failed("server")  # what became of a call is told once
     assert health.state == "closed"
@@ -57,7 +59,7 @@ def test_a_stream_that_begins_to_speak_lets_the_others_in_and_one_more_failure_k
     health = ServerHealth(failures=3, pause_s=60.0)
     for _ in range(3):
         health.failure("a", "server")
-    with health.call("a") as call:
+    with closing(health.call("a")) as call:
         call.brought_content()
         assert health.allow("b")
         call.failed("server")

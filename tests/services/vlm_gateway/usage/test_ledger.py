@@ -159,6 +159,35 @@ async def test_while_the_store_is_down_budgets_are_kept_by_what_is_known_and_not
     await one.close()
 
 
+async def test_a_store_that_hangs_is_waited_for_once_and_looked_after_until_it_is_back() -> None:
+    class Hanging(SqliteUsage):
+        hangs = False
+        asked = 0
+        used = asyncio.Event()
+
+        async def update(self, batch: Batch, held: Sequence[Held], wishes: Sequence[Wish]) -> Answer:
+            self.asked += 1
+            if self.hangs:
+                await asyncio.sleep(0.3)
+                raise UsageDown("hangs")
+            self.used.set()
+            return await super().update(batch, held, wishes)
+
+    store = Hanging(None, "one")
+    one = Ledger(store, lambda: None, clock=lambda: NOON)
+    who = spender(tokens=1000)
+    assert await call(one, who, 100, 850)
+    await spent(one)
+    store.hangs, before = True, store.asked
+    assert [await call(one, who, 100, 0) for _ in range(50)] == [True] * 50
+    assert one.state == "down"
+    assert store.asked - before <= 3  # the call that found it out, and what looks after it
+    store.hangs = False
+    store.used.clear()
+    await asyncio.wait_for(store.used.wait(), 30)
+    await one.close()
+
+
 async def test_an_answer_of_the_store_that_was_lost_charges_nobody_twice() -> None:
     store = FlakyStore(None, "one")
     one, who = Ledger(store, lambda: None, clock=lambda: NOON), spender()
