@@ -4,25 +4,30 @@ import asyncio
 import json
 import os
 import time
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
 from pydantic import ValidationError
 from rich.console import Console
+from sqlalchemy.exc import SQLAlchemyError
 
 from command_line import mission_options
 from command_line.bench_merge import merge
 from command_line.bench_progress import LiveProgress, PlainProgress
 from command_line.bench_setup import (
+    DATABASE_VARIABLE,
     chosen_tasks,
     gateway_settings,
     model_name,
     one_core_each,
+    open_database,
     read_shard,
     share_of,
     spread,
     stop_where_given,
+    stop_where_queued,
     versions,
 )
 from command_line.bench_summary import print_summary
@@ -33,7 +38,9 @@ from command_line.preflight import stop_without_models
 from command_line.subtask import ask_alone
 from contracts.cameras import DEFAULT_RIG
 from evaluation.bench.episode_keeping import Kept
+from evaluation.bench.episode_queue import EpisodeQueue
 from evaluation.bench.folder import BadFolder, RunFolder
+from evaluation.bench.queue_database import program_of
 from evaluation.bench.run import CannotRun, Run
 from evaluation.bench.run_settings import RunSettings
 from evaluation.bench.worker import Job
@@ -103,6 +110,13 @@ def bench(
         str | None,
         typer.Option(help="Fly only share i of n, counted from 1: i/n. `bench merge` puts all n folders together."),
     ] = None,
+    database: Annotated[
+        str | None,
+        typer.Option(
+            envvar=DATABASE_VARIABLE,
+            help="postgresql://...: queue the episodes there, for `logisticsvln worker` on each machine.",
+        ),
+    ] = None,
     subtask: Annotated[Subtask | None, typer.Option(help="Fly nothing; ask one model role alone.")] = None,
     requests: Annotated[
         list[Path] | None,
@@ -129,6 +143,16 @@ def bench(
         stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
     model = model_name("backend", backend)
     share = read_shard(shard, out, flies=subtask is None)
+    if database is not None:
+        given = {
+            "--shard": shard is not None,
+            "--workers": workers is not None,
+            "--recording": recording is not None,
+            "--pictures": pictures != "none",
+            "--trajectories": trajectories,
+            "--subtask": subtask is not None,
+        }
+        stop_where_queued([name for name, there in given.items() if there])
     if requests:
         if subtask != "parse" or any(given is not None for given in (tasks, seed, count, limit)):
             stop("--requests is for --subtask parse, and takes the place of a task set", WRONG_INPUT)
@@ -201,8 +225,12 @@ def bench(
         trajectories=trajectories,
         episode_s=episode_s,
     )
-    with folder:
-        summary = _fly(folder, job, settings, console)
+    with folder, ExitStack() as stack:
+        queue = None
+        if database is not None:
+            opened = stack.enter_context(closing(open_database(database)))
+            queue = EpisodeQueue(opened, place, program_of(settings.versions), console.print)
+        summary = _fly(folder, job, settings, console, queue)
     if as_json:
         typer.echo(json.dumps(summary.model_dump(mode="json"), ensure_ascii=False))
     else:
@@ -221,16 +249,21 @@ def _first_reason(folder: RunFolder) -> str:
     return record.error or (record.result.message if record.result is not None else "no reason is known")
 
 
-def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -> Summary:
+def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console, queue: EpisodeQueue | None) -> Summary:
     title = f"{settings.tasks}, {settings.backend}, {settings.mission.viewpoint.policy}"
     before = len(folder.records)
     if before:
         console.print(f"{folder.path}: {before} of {len(folder.tasks)} results are there already", highlight=False)
     view = LiveProgress(console, title) if console.is_terminal else PlainProgress(console, title)
     with view:
-        run = Run(folder, job, settings.workers, view.show)
+        if queue is None:
+            run = Run(folder, job, settings.workers, view.show)
+            flown = run.fly()
+        else:
+            run = queue.run(folder, job, view.show)
+            flown = queue.serve(run.fly())
         try:
-            asyncio.run(interruptible(run.fly(), lambda: console.print("stopping", highlight=False)))
+            asyncio.run(interruptible(flown, lambda: console.print("stopping", highlight=False)))
             return run.conclude()
         except (asyncio.CancelledError, KeyboardInterrupt):
             run.conclude()
@@ -239,5 +272,5 @@ def _fly(folder: RunFolder, job: Job, settings: RunSettings, console: Console) -
                 f"--out {folder.path} goes on",
                 INTERRUPTED,
             )
-        except (CannotRun, OSError) as error:
+        except (CannotRun, OSError, SQLAlchemyError) as error:
             stop(f"the run broke off after {len(folder.records)} results: {error}", FAILED)

@@ -3,7 +3,7 @@
 import importlib.metadata
 import platform
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import typer
@@ -13,6 +13,7 @@ from rich.console import Console
 from command_line.console import WRONG_INPUT, first_problem, stop
 from command_line.tasks import generated
 from contracts.base import ModelName
+from evaluation.bench.queue_database import BadDatabase, QueueDatabase
 from evaluation.bench.shard import Shard
 from evaluation.task_set.generate import wanted_tasks
 from evaluation.task_set.task import Task
@@ -21,6 +22,7 @@ from evaluation.task_set.task_files import TaskSet, load
 _PACKAGES = ("logisticsvln", "numpy", "opencv-python-headless", "moderngl", "pybullet", "pydantic", "aiohttp")
 
 
+DATABASE_VARIABLE = "BENCH_DATABASE_URL"
 _MODEL_NAME: TypeAdapter[ModelName] = TypeAdapter(ModelName)
 
 
@@ -67,6 +69,20 @@ def read_shard(text: str | None, out: Path | None, *, flies: bool) -> Shard | No
         stop(f"--shard: {first_problem(error)}", WRONG_INPUT)
     except ValueError as error:
         stop(f"--shard: {error}", WRONG_INPUT)
+
+
+def stop_where_queued(given: Sequence[str]) -> None:
+    """Ends the command where options are given that make no sense for a run that others fly."""
+    if given:
+        stop(f"with --database other machines fly: leave {', '.join(given)} out", WRONG_INPUT)
+
+
+def open_database(url: str) -> QueueDatabase:
+    """The database of `--database`; ends the command where it can't be used."""
+    try:
+        return QueueDatabase(url)
+    except BadDatabase as error:
+        stop(f"--database: {error}", WRONG_INPUT)
 
 
 def share_of(tasks: list[Task], shard: Shard | None) -> list[Task]:

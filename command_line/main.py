@@ -25,6 +25,7 @@ COMMANDS = {
     "samples": Listed("samples", "List the deliveries that ship with the project."),
     "tasks": Listed("tasks", "The task set: make fresh ones, look at single tasks, count what is in them."),
     "bench": Listed("bench", "Fly a task set and print the figures; put the shards of a run together."),
+    "worker": Listed("worker", "Fly what `bench --database` has queued, on this machine."),
     "report": Listed("report", "One HTML page of runs: the paper's tables with ours beside them, and every failure."),
     "compare": Listed("report", "Runs side by side, with paired tests against the first."),
     "export": Listed("export", "A run's flights as a dataset or recordings: LeRobot, Rerun, MCAP, COCO."),

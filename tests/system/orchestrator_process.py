@@ -82,8 +82,17 @@ class OrchestratorProcess:
     def delivery(self, name: str) -> Delivery:
         return Delivery.model_validate(httpx.get(f"{self.url}/v1/deliveries/{name}", timeout=30).json())
 
-    def deliveries(self) -> tuple[Delivery, ...]:
-        return DeliveryList.model_validate(httpx.get(f"{self.url}/v1/deliveries", timeout=30).json()).deliveries
+    def deliveries(self) -> list[Delivery]:
+        """All of them, page by page."""
+        found: list[Delivery] = []
+        before: dict[str, str] = {}
+        while True:
+            answer = httpx.get(f"{self.url}/v1/deliveries", params={"limit": 200} | before, timeout=30)
+            page = DeliveryList.model_validate(answer.json())
+            found += page.deliveries
+            if page.next is None:
+                return found
+            before = {"before": page.next}
 
     def events(self, name: str, after: int = 0, until: int | None = None) -> list[Event]:
         """The stream's events numbered above `after`, to its end, to number `until`, or to the process's death."""
@@ -100,10 +109,10 @@ class OrchestratorProcess:
         return found
 
 
-def heard(orchestrator: OrchestratorProcess, name: str) -> list[Event]:
+def heard(orchestrator: OrchestratorProcess, name: str, within_s: float = 600.0) -> list[Event]:
     """A listener's events, who goes on after the last one heard whenever the stream breaks off."""
     events: list[Event] = []
-    give_up = time.monotonic() + 900
+    give_up = time.monotonic() + within_s
     while not (events and events[-1].kind == "result") and time.monotonic() < give_up:
         events += orchestrator.events(name, after=events[-1].number if events else 0)
         time.sleep(0.05)

@@ -42,7 +42,11 @@ def fly_while_killed(
         undisturbed[sample] = (orchestrator.delivery(name).result, [(e.kind, e.message) for e in told])
     names = [orchestrator.post(sample=sample, **question) for sample in samples]
     listened: dict[str, list[Event]] = {}
-    listeners = [threading.Thread(target=lambda n=name: listened.update({n: heard(orchestrator, n)})) for name in names]
+
+    def listen(name: str) -> None:
+        listened[name] = heard(orchestrator, name, within_s=7200.0)
+
+    listeners = [threading.Thread(target=listen, args=(name,)) for name in names]
     for listener in listeners:
         listener.start()
     killed_again_and_again(orchestrator, kills, chance)
@@ -67,6 +71,7 @@ def test_a_killed_orchestrator_carries_its_deliveries_on_where_they_were(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(7200)
 def test_a_hundred_kills_lose_no_delivery_and_double_none(orchestrator: OrchestratorProcess, runs: Path) -> None:
     samples = ["villa-teddy-bear", "green-flower-pot", "tower-watering-can"] * 10
     fly_while_killed(orchestrator, runs, samples, 100, random.Random(1))

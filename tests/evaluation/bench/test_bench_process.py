@@ -18,6 +18,7 @@ from evaluation.task_set.task import Task
 from evaluation.task_set.task_files import lines_of
 from tests.evaluation.bench.made_up_run import COUNT, Doom, fly_made_up
 from tests.evaluation.evaluation_kit import a_task
+from tests.postgres import Postgres
 
 SMALL = ("--backend", "oracle", "--image-size", "128", "--max-steps", "2")
 CLOCK = {"wall_s", "render_s", "model_s"}
@@ -128,6 +129,34 @@ def test_real_shards_put_together_have_the_tables_of_one_run(tmp_path: Path) -> 
     subprocess.run([*merging, "--out", str(tmp_path / "merged")], check=True, timeout=120, capture_output=True)
     assert tables(tmp_path / "merged") == tables(tmp_path / "whole")
     assert sorted(results(tmp_path / "merged")) == sorted(results(tmp_path / "whole"))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_a_run_queued_for_workers_on_two_machines_has_the_tables_of_one_in_a_single_process(
+    tmp_path: Path, postgres: Postgres
+) -> None:
+    set_of_tasks, url = write(tmp_path, 6), postgres.database()
+    command = [sys.executable, "-m", "command_line", "worker", "--database", url, "--workers", "1"]
+    machines = [
+        subprocess.Popen([*command, "--logs", str(tmp_path / str(n))], stdout=subprocess.PIPE, text=True)
+        for n in range(2)
+    ]
+    try:
+        queued = start("--tasks", set_of_tasks, *SMALL, "--database", url, folder=tmp_path / "queued")
+        _, err = queued.communicate(timeout=600)
+        assert queued.returncode == 0, err
+    finally:
+        for machine in machines:
+            machine.send_signal(signal.SIGINT)
+    said = [machine.communicate(timeout=60)[0] for machine in machines]
+    assert [machine.returncode for machine in machines] == [0, 0]
+    assert all(": success" in words or ": missed" in words for words in said), "both have flown"
+    alone = start("--tasks", set_of_tasks, *SMALL, "--workers", "1", folder=tmp_path / "alone")
+    _, err = alone.communicate(timeout=600)
+    assert alone.returncode == 0, err
+    assert tables(tmp_path / "queued") == tables(tmp_path / "alone")
+    assert sorted(results(tmp_path / "queued")) == sorted(results(tmp_path / "alone"))
 
 
 @pytest.mark.timeout(600)
