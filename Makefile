@@ -39,8 +39,8 @@ samples: setup  ## fly all sample deliveries: make samples [BACKEND=oracle]
 	  $(BIN)/logisticsvln deliver --sample $$name --backend $(BACKEND) 2>&1 | grep -E '^[A-Z][A-Z ]{5,}' | head -1; \
 	done
 
-test: check .venv/.servers  ## lint, format, types, and the tests (a redis-server and a PostgreSQL of their own included)
-	@$(BIN)/python -m pytest
+test: check .venv/.servers  ## lint, format, types, and the tests, on up to four cores (a redis-server and a PostgreSQL of their own included)
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
 
 test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
