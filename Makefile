@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-browser test-train test-clients test-export test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser expert clean
+.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-clients test-export test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -51,6 +51,10 @@ test-browser: setup .venv/.servers  ## the pages in a real browser; their screen
 test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
 	@$(BIN)/python -m pytest -m train --timeout 1800 tests/training
+
+test-carla: setup  ## CARLA's real client in a double of CARLA's server (fetches the client, 34 MB)
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra carla --python $(BIN)/python
+	@$(BIN)/python -m pytest -m carla --timeout 900 tests/carla
 
 test-clients: setup .cache/clients/.ready .cache/clients-node/.ready  ## client libraries (Python and npm), unchanged, through the gateway (needs node and npm)
 	@$(BIN)/python -m pytest -m clients tests/clients

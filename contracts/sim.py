@@ -25,7 +25,7 @@ from contracts.scene import Scene
 from contracts.sensor_profiles import DEFAULT_SENSORS, SensorFault, Sensors, sensors_by_name, shipped_sensors
 from contracts.vehicle import VehicleState
 
-Renderer = Literal["moderngl", "tiny"]
+Renderer = Literal["moderngl", "tiny", "carla"]
 MAX_LEASE_S = 86_400.0
 SUCCESS_RADIUS_M = 3.0
 """How near to its window's centre a delivery ends."""

@@ -4,6 +4,7 @@ import sys
 
 from orchestrator.settings import OrchestratorSettings
 from service_kit.settings import ServiceSettings, Variable
+from services.carla_world.settings import CarlaWorldSettings
 from services.depth_assist.settings import DepthAssistSettings
 from services.llm_parser.settings import LlmParserSettings
 from services.sim.settings import SimSettings
@@ -15,6 +16,7 @@ SERVICES: dict[str, type[ServiceSettings]] = {
     "vlm_gateway": GatewaySettings,
     "depth_assist": DepthAssistSettings,
     "sim": SimSettings,
+    "carla_world": CarlaWorldSettings,
 }
 HEAD = """\
 # Configuration

@@ -12,7 +12,17 @@ from service_kit.settings import Variable
 from services.vlm_gateway.settings import CacheSettings
 
 ROOT = Path(__file__).parent.parent
-OURS = ("contracts", "navigation", "service_kit", "services", "mission", "orchestrator", "launcher", "evaluation")
+OURS = (
+    "contracts",
+    "navigation",
+    "service_kit",
+    "episode_kit",
+    "services",
+    "mission",
+    "orchestrator",
+    "launcher",
+    "evaluation",
+)
 COMMANDS = ("command_line", "training", "scripts")
 ENVIRONMENT_IS_READ_BY = Path("service_kit/settings.py")
 KEYS_OF_MODELS = ("OPENAI_API_KEY", "GEMINI_API_KEY", "DASHSCOPE_API_KEY", "OPENROUTER_API_KEY")

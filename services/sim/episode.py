@@ -8,12 +8,12 @@ from contracts.sim import EpisodeQuestion, PoseJudged, PoseReport, Renderer, Ver
 from contracts.vehicle import VehicleState
 from episode_kit.drone import Drone
 from episode_kit.episode import About, FlyingEpisode
+from episode_kit.judge import judge
 from episode_kit.kinematics import Vector, wrapped
 from episode_kit.odometry import Odometry
 from episode_kit.trajectory import KinematicPlanner, Planner
 from service_kit.errors import Conflict
 from services.sim.dynamic_flight import Pilot
-from services.sim.judge import judge
 from services.sim.scenes import ReadyScene, check_start
 from services.sim.world import GROUND, World
 

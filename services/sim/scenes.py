@@ -14,11 +14,11 @@ import numpy as np
 
 from contracts.scene import Building, Scene, WindowPlace
 from contracts.scene_layout import columns_of, floor_outline, wall_height_m, window_slot
+from episode_kit.judge import Thing
 from episode_kit.kinematics import Vector
 from navigation.polygon import inside
 from service_kit.errors import BadQuestion
 from services.sim.geometry.scene_mesh import SceneMesh, UnknownObject
-from services.sim.judge import Thing
 from services.sim.truth import WayHome
 from services.sim.world import Blueprint, World
 

@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import NamedTuple, TypeVar
 
-from contracts.cameras import Camera, Rig
+from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.sim import Truth, TruthQuestion
 from contracts.vehicle import Observation, SensedView
+from episode_kit.cameras import chosen_cameras
 from service_kit.errors import BadQuestion
 from services.sim.episode import LiveEpisode
 from services.sim.render.thread import RenderThread
@@ -134,22 +135,6 @@ class Senses:
 
     async def _work(self, job: Callable[..., T], *arguments: object) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._workers, job, *arguments)
-
-
-def chosen_cameras(rig: Rig, names: Sequence[str] | None) -> tuple[Camera, ...]:
-    """The rig's cameras of these names, in the order asked for. Raises BadQuestion."""
-    if names is None:
-        return rig.cameras
-    known = {camera.name: camera for camera in rig.cameras}
-    wrong = next((name for name in names if name not in known), None)
-    if wrong is not None or not names:
-        raise BadQuestion(
-            f"there is no camera {wrong or ''!r}; choose from {', '.join(known)}, separated by commas",
-            code="bad_cameras",
-        )
-    if len(set(names)) != len(names):
-        raise BadQuestion(f"cameras={','.join(names)}: ask for each camera once", code="bad_cameras")
-    return tuple(known[name] for name in names)
 
 
 def check(cameras: Sequence[Camera]) -> None:

@@ -15,9 +15,9 @@ from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Building, Scene
 from contracts.scene_layout import floor_outline
 from contracts.sim import TruthView, VisibleObject
+from episode_kit.judge import Thing, goal_window
 from navigation.shortest_path import NoWay, VisibilityGraph
 from services.sim.geometry.scene_mesh import SceneMesh
-from services.sim.judge import Thing, goal_window
 from services.sim.render.views import NEAR_M, eye_of, project, view_axes
 
 Ids = NDArray[np.uint16]

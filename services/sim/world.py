@@ -12,6 +12,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from episode_kit.judge import Hit
 from episode_kit.kinematics import Vector
 from episode_kit.trajectory import Sweep
 from services.sim.geometry.scene_mesh import Solid
@@ -27,13 +28,6 @@ CEILING_ABOVE_ROOFS_M = 60.0
 _FACES_PER_BODY = 20_000
 _ALONG = 1e-3
 """A motion that nears a surface by less than this share of its length runs along it."""
-
-
-class Hit(NamedTuple):
-    """What a ray or the drone met: the id of the part (0: the ground or the world's edge) and its name."""
-
-    part: int
-    name: str
 
 
 class Contact(NamedTuple):

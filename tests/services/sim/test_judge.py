@@ -6,9 +6,8 @@ from contracts.geometry import Point2, Point3, Pose
 from contracts.scene import Building, FreePlace, Scene, SceneObject, Start, WindowPlace
 from contracts.scene_layout import window_slot
 from contracts.sim import Verdict
+from episode_kit.judge import Hit, Thing, goal_window, judge, nearest_window
 from episode_kit.kinematics import Vector
-from services.sim.judge import Thing, goal_window, judge, nearest_window
-from services.sim.world import Hit
 
 POT = Thing(7, (0.0, -5.3, 7.1))
 HYDRANT = Thing(8, (9.0, -9.0, 0.5))

@@ -9,10 +9,10 @@ from contracts.geometry import Point3
 from contracts.orchestrator import Sample
 from contracts.sim import Claim, EpisodeQuestion
 from contracts.vehicle import Move
+from episode_kit.judge import goal_window
 from navigation.shortest_path import Route, shortest_route
 from services.sim.bootstrap import build_scene
 from services.sim.episode import LiveEpisode
-from services.sim.judge import goal_window
 from services.sim.scenes import make_ready
 
 SAMPLES = sorted((Path(__file__).parents[3] / "orchestrator" / "samples").glob("*.json"))

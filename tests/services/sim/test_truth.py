@@ -6,8 +6,8 @@ import pytest
 
 from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Scene
+from episode_kit.judge import Thing
 from services.sim.geometry.scene_mesh import SceneMesh
-from services.sim.judge import Thing
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from services.sim.scenes import ReadyScene, make_ready

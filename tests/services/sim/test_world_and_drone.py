@@ -10,9 +10,10 @@ import pytest
 from contracts.geometry import Point3, Pose
 from contracts.sim import Flight
 from contracts.vehicle import Move
+from episode_kit.judge import Hit
 from episode_kit.trajectory import Flown, plan
 from services.sim.geometry.scene_mesh import Solid
-from services.sim.world import EDGE, GROUND, Blueprint, Hit, World
+from services.sim.world import EDGE, GROUND, Blueprint, World
 
 BOX_FACES = np.array(
     [

@@ -13,12 +13,18 @@ from contracts.scene import Scene, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, window_slot, window_slots
 from contracts.sim import Verdict
 from episode_kit.kinematics import Vector
-from services.sim.world import Hit
 
 ON_THE_OBJECT_M = 0.75
 """A claimed place this near to the goal object's middle means the object, whatever window it hangs closer to."""
 _BEFORE_THE_PANE_M = 0.03
 _AS_NEAR_M = 1e-6
+
+
+class Hit(NamedTuple):
+    """What a ray or the drone met: the id of the part (0: the ground or the world's edge) and its name."""
+
+    part: int
+    name: str
 
 
 class Sight(Protocol):
