@@ -16,8 +16,9 @@ SERVICES: dict[str, type[ServiceSettings]] = {
     "vlm_gateway": GatewaySettings,
     "depth_assist": DepthAssistSettings,
     "sim": SimSettings,
-    "carla_world": CarlaWorldSettings,
 }
+OTHER_VEHICLES: dict[str, type[ServiceSettings]] = {"carla_world": CarlaWorldSettings}
+"""Started beside them by `serve --vehicle`; no deployment has them."""
 HEAD = """\
 # Configuration
 
@@ -44,7 +45,8 @@ def page() -> str:
     common = ServiceSettings.variables()
     parts = [HEAD, _section("Every service", [v for v in common if v.name != "PORT"])]
     parts += [
-        _section(f"`{name}`", [v for v in kind.variables() if v not in common]) for name, kind in SERVICES.items()
+        _section(f"`{name}`", [v for v in kind.variables() if v not in common])
+        for name, kind in (SERVICES | OTHER_VEHICLES).items()
     ]
     return "\n".join(parts)
 

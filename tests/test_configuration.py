@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from scripts.configuration import SERVICES, page
+from scripts.configuration import OTHER_VEHICLES, SERVICES, page
 from service_kit.connections import TOKEN_VARIABLES, Connections
 from service_kit.settings import Variable
 from services.vlm_gateway.settings import CacheSettings
@@ -28,6 +28,7 @@ ENVIRONMENT_IS_READ_BY = Path("service_kit/settings.py")
 KEYS_OF_MODELS = ("OPENAI_API_KEY", "GEMINI_API_KEY", "DASHSCOPE_API_KEY", "OPENROUTER_API_KEY")
 """Named by the gateway's TOML file, as `api_key_env`; no settings of ours."""
 COMPOSE = yaml.safe_load((ROOT / "docker-compose.yml").read_text(encoding="utf-8"))["services"]
+ALL = SERVICES | OTHER_VEHICLES
 MODULES = sorted(p for package in (*OURS, *COMMANDS) for p in (ROOT / package).rglob("*.py"))
 
 
@@ -46,12 +47,12 @@ def test_one_module_alone_reads_the_environment(path: Path) -> None:
 
 
 def test_every_setting_says_what_it_means() -> None:
-    for name, kind in SERVICES.items():
+    for name, kind in ALL.items():
         assert all(variable.meaning.endswith(".") for variable in kind.variables()), name
 
 
 def test_a_variable_means_the_same_wherever_it_is_read() -> None:
-    readers = (*SERVICES.values(), Connections, CacheSettings)
+    readers = (*ALL.values(), Connections, CacheSettings)
     seen: dict[str, Variable] = {}
     for variable in (v for kind in readers for v in kind.variables()):
         first = seen.setdefault(variable.name, variable)
@@ -83,6 +84,6 @@ def test_compose_hands_every_token_on_from_variable_and_file(name: str) -> None:
 
 
 def test_what_is_set_in_one_environment_for_all_services_is_unknown_to_none() -> None:
-    everything = dict.fromkeys(frozenset().union(*(kind.names() for kind in SERVICES.values())), "x")
-    for kind in SERVICES.values():
+    everything = dict.fromkeys(frozenset().union(*(kind.names() for kind in ALL.values())), "x")
+    for kind in ALL.values():
         assert kind.unknown(everything, Connections.names()) == []
