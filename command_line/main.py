@@ -28,6 +28,7 @@ COMMANDS = {
     "worker": Listed("worker", "Fly what `bench --database` has queued, on this machine."),
     "report": Listed("report", "One HTML page of runs: the paper's tables with ours beside them, and every failure."),
     "compare": Listed("report", "Runs side by side, with paired tests against the first."),
+    "submit": Listed("submit", "A run as a row of the leaderboard; --check flies it again with its recorded answers."),
     "export": Listed("export", "A run's flights as a dataset or recordings: LeRobot, Rerun, MCAP, COCO."),
     "replay": Listed("replay", "Look at the records of a run in the browser, while it is flown or afterwards."),
     "evaluate": Listed("evaluate", "Measure a vision model on fresh streets."),
