@@ -120,8 +120,9 @@ check: setup  ## lint, format, strict types
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 
-schema: setup  ## write docs/events.schema.json anew from contracts/events.py
+schema: setup  ## write docs/events.schema.json and docs/scene.schema.json anew from contracts/
 	@$(BIN)/python -m contracts.events > docs/events.schema.json.new && mv docs/events.schema.json.new docs/events.schema.json
+	@$(BIN)/python -m contracts.scene > docs/scene.schema.json.new && mv docs/scene.schema.json.new docs/scene.schema.json
 
 configuration: setup  ## write docs/configuration.md anew from the settings' classes
 	@$(BIN)/python -m scripts.configuration > docs/configuration.md.new && mv docs/configuration.md.new docs/configuration.md

@@ -23,6 +23,7 @@ COMMANDS = {
     "vehicles": Listed("vehicles", "List the vehicles of a running orchestrator's fleet."),
     "recording": Listed("recording", "Put the gateway's recorded answers into one file, or take them out of one."),
     "samples": Listed("samples", "List the deliveries that ship with the project."),
+    "scene": Listed("scene", "Scenes of your own: look at one, make one from a few questions or from a map."),
     "tasks": Listed("tasks", "The task set: make fresh ones, look at single tasks, count what is in them."),
     "bench": Listed("bench", "Fly a task set and print the figures; put the shards of a run together."),
     "worker": Listed("worker", "Fly what `bench --database` has queued, on this machine."),

@@ -3,9 +3,13 @@
 Ground plans are in metres, ENU. A footprint runs counter-clockwise seen from above; facade k is the edge from
 vertex k to vertex k + 1 and its outward normal points to the right of that direction. Floors count from 1 at the
 ground. `contracts.scene_layout` says where windows and balconies lie.
+
+`python -m contracts.scene` prints the JSON Schema of a scene: docs/scene.schema.json.
 """
 
-from typing import Annotated, Literal, Self
+import json
+import sys
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -14,6 +18,7 @@ from contracts.footprint import footprint_problem
 from contracts.geometry import Point2, Point3
 from contracts.sensor_profiles import sensor_names
 
+SCHEMA_KEY = "$schema"
 BuildingKind = Literal["low_rise", "high_rise", "villa", "cultural"]
 Rgb = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
 """A colour as #rrggbb in lower case, sRGB."""
@@ -214,6 +219,14 @@ class Scene(Wire):
     start: Start
     sensors: Name | None = Field(default=None, exclude_if=lambda name: name is None)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _may_name_its_schema(cls, given: object) -> object:
+        """`$schema` is for editors, and no part of the scene."""
+        if isinstance(given, dict) and SCHEMA_KEY in given:
+            return {name: value for name, value in given.items() if name != SCHEMA_KEY}
+        return given
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         ids = [b.id for b in self.buildings]
@@ -239,3 +252,36 @@ class Scene(Wire):
             if building.id == building_id:
                 return building
         raise KeyError(building_id)
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of a scene document, for editors and for programs that write one."""
+    schema = _in_one_line(Scene.model_json_schema())
+    named = {SCHEMA_KEY: {"type": "string", "description": "Where this schema is, for editors."}}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "A scene of LogisticsVLN",
+        "properties": named | schema["properties"],
+    }
+
+
+def _in_one_line(schema: Any) -> Any:
+    """The same schema, its descriptions without line breaks."""
+    if isinstance(schema, list):
+        return [_in_one_line(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        key: " ".join(value.split()) if key == "description" and isinstance(value, str) else _in_one_line(value)
+        for key, value in schema.items()
+    }
+
+
+def schema_text() -> str:
+    """`json_schema` as the text of a file."""
+    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(schema_text())
