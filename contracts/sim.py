@@ -67,7 +67,9 @@ class EpisodeTerms(Wire):
 
 class EpisodeQuestion(EpisodeTerms):
     """A drone with these cameras and sensors at the start of a scene. `sensors`: a profile, or a shipped one's name;
-    null: as the scene says. `seed`: of their chance, beside the scene's own. `faults`: for tests."""
+    null: as the scene says. `seed`: of their chance, beside the scene's own. `faults`: for tests. `own_request`: the
+    customer's words are not those that the scene's goal was set for, so that the verdict has to tell what stands at the
+    window claimed (`Verdict.window`)."""
 
     scene: Scene
     flight: Flight = Flight()
@@ -75,6 +77,7 @@ class EpisodeQuestion(EpisodeTerms):
     sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
+    own_request: bool = Field(default=False, exclude_if=lambda own: not own)
 
     @property
     def sensors_flown(self) -> Sensors:
@@ -124,12 +127,34 @@ class Claim(Wire):
     target: Point3 | None = None
 
 
+class Shown(Wire):
+    """What stands at a window: its floor, and all that people call the things there, such as "red flower pot"."""
+
+    floor: int
+    names: tuple[str, ...] = Field(max_length=200)
+
+
+class ClaimedWindow(Wire):
+    """For a request of the customer's own: what stands at the window claimed and at the goal's, if the scene has one,
+    and how the drone stands to the one claimed (the other fields as in `Verdict`). Told when the episode is over, so
+    that nothing can be learnt by it."""
+
+    claimed: Shown
+    goal: Shown | None
+    distance_m: float
+    in_front: bool
+    line_of_sight: bool
+    nearest_window: bool | None
+    aside_deg: float | None
+
+
 class Verdict(Wire):
     """`delivered` is success: the right window claimed, within 3 m of its centre, no other window of any building
     nearer to the stop, within 60 degrees of its normal, in front of it, in clear sight, never collided. `judged` is
     false for a scene without a goal: nothing is delivered there, and the rest tells of the window that is nearest to
     the claim. `aside_deg`: between the window's normal and the way to the stop. `steps`: stops with a look, as the
-    world counts them. Verdicts of version 0.2 have neither `nearest_window`, `aside_deg` nor `steps`: null."""
+    world counts them. `window`: of a request of the customer's own. Verdicts of version 0.2 have neither
+    `nearest_window`, `aside_deg` nor `steps`: null."""
 
     judged: bool
     delivered: bool
@@ -141,6 +166,7 @@ class Verdict(Wire):
     nearest_window: bool | None = None
     aside_deg: float | None = Field(default=None, ge=0.0, le=180.0)
     steps: int | None = Field(default=None, ge=0)
+    window: ClaimedWindow | None = Field(default=None, exclude_if=lambda window: window is None)
 
     def stops_well(self, radius_m: float = SUCCESS_RADIUS_M) -> bool:
         """Everything but which window was meant, with another radius where one is asked for."""

@@ -67,13 +67,13 @@ def judge(
     goal = next((o for o in scene.objects if o.id == scene.goal), None)
     if goal is None:
         slot = nearest_window(scene, claimed)
-        stop = _NOWHERE if slot is None else _at_window(scene, slot, sight, here, None)
+        stop = _NOWHERE if slot is None else stop_at_window(scene, slot, sight, here, None)
         return _verdict(stop, None, collided, steps)
     thing = things[goal.id]
     if isinstance(goal.place, WindowPlace):
         slot = window_of(scene, goal.place)
         right = nearest_window(scene, claimed) == slot or math.dist(claimed, thing.middle) <= ON_THE_OBJECT_M
-        return _verdict(_at_window(scene, slot, sight, here, thing), right, collided, steps)
+        return _verdict(stop_at_window(scene, slot, sight, here, thing), right, collided, steps)
     nearest = min(things, key=lambda name: math.dist(things[name].middle, claimed))
     seen = _free(sight, here, [thing.middle], thing.part)[0]
     stop = Stop(math.dist(here, thing.middle), True, seen, None, None)
@@ -127,7 +127,7 @@ def nearer_window(scene: Scene, slot: WindowSlot, point: Vector) -> bool:
     )
 
 
-def _at_window(scene: Scene, slot: WindowSlot, sight: Sight, here: Vector, thing: Thing | None) -> Stop:
+def stop_at_window(scene: Scene, slot: WindowSlot, sight: Sight, here: Vector, thing: Thing | None) -> Stop:
     distance_m = math.dist(here, slot.centre)
     out = (here[0] - slot.centre[0]) * slot.normal[0] + (here[1] - slot.centre[1]) * slot.normal[1]
     aside_deg = math.degrees(math.acos(max(-1.0, min(1.0, out / distance_m)))) if distance_m else 0.0

@@ -41,8 +41,8 @@ class Placement(Protocol):
         ...
 
 
-def trial_question(scene: Scene, settings: MissionSettings) -> EpisodeQuestion:
-    """What a mission of these settings asks a simulator for."""
+def trial_question(scene: Scene, settings: MissionSettings, *, own_request: bool = False) -> EpisodeQuestion:
+    """What a mission of these settings asks a simulator for. `own_request`: the goal was set for other words."""
     return EpisodeQuestion(
         scene=scene,
         flight=settings.flight,
@@ -50,6 +50,7 @@ def trial_question(scene: Scene, settings: MissionSettings) -> EpisodeQuestion:
         sensors=settings.sensors,
         seed=settings.seed,
         faults=settings.faults,
+        own_request=own_request,
     )
 
 

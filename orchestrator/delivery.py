@@ -37,19 +37,27 @@ class Order:
     """A delivery that is sound: the request, the scene, the settings with the back end filled in."""
 
     def __init__(
-        self, question: DeliveryQuestion, *, own_vehicles: bool = False, policy: AnyPolicy | None = None
+        self,
+        question: DeliveryQuestion,
+        *,
+        own_vehicles: bool = False,
+        policy: AnyPolicy | None = None,
+        own_request: bool = False,
     ) -> None:
         """`own_vehicles`: there are such that need no scene. `policy`: searches instead of the one that the settings
-        name. Raises BadDelivery for a question without scene or request, an unknown sample, or two models."""
+        name. `own_request`: the scene's goal was set for other words, as it is where a sample is given others. Raises
+        BadDelivery for a question without scene or request, an unknown sample, or two models."""
         given = (question.scene is not None) + (question.sample is not None)
         if given == 2 or (given == 0 and not own_vehicles):
             raise BadDelivery("give either a scene or the name of a sample")
         request, scene = question.request, question.scene
+        self.own_request = own_request
         if question.sample is not None:
             try:
                 sample = sample_library.load(question.sample)
             except ValueError as error:
                 raise BadDelivery(str(error)) from None
+            self.own_request = request is not None and request.strip() != sample.request.strip()
             request, scene = request or sample.request, sample.scene
         if request is None or not request.strip():
             raise BadDelivery("say in `request` what is to be brought where")
@@ -82,13 +90,16 @@ class Order:
     def recorded(cls, folder: Path) -> Self:
         """The order of a record. Raises OSError, BadRecord or BadDelivery where the folder holds none."""
         question = read_question(folder)
-        return cls(question.model_copy(update={"sample": None}) if question.scene is not None else question)
+        if question.sample is None or question.scene is None:
+            return cls(question)
+        own_request = cls(question.model_copy(update={"scene": None})).own_request
+        return cls(question.model_copy(update={"sample": None}), own_request=own_request)
 
     def placed(self, trial: Trial) -> InTrial:
         """The scene as a trial of that simulator. Raises BadDelivery where there is none."""
         if self.scene is None:
             raise BadDelivery("a simulator needs a scene")
-        return InTrial(trial, trial_question(self.scene, self.settings))
+        return InTrial(trial, trial_question(self.scene, self.settings, own_request=self.own_request))
 
 
 class Run:

@@ -1,6 +1,7 @@
 """The claim, and what becomes of it."""
 
 from contracts.sim import SUCCESS_ASIDE_DEG, Verdict
+from mission.own_request import judged_by_words
 from mission.stages import ClaimWindow, Ended
 from mission.step import Step
 
@@ -15,6 +16,10 @@ async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
     step.update(claimed=stage.place, verdict=verdict)
     if verdict is None:
         return Ended(outcome="stopped_not_judged", message=NOT_JUDGED)
+    if (judged := judged_by_words(verdict, step.state.floor, step.state.object)) is not None:
+        step.update(verdict=judged.verdict)
+        step.write(judged.message, judged.verdict)
+        return Ended(outcome=judged.outcome, message=judged.message)
     step.write(spoken_verdict(verdict), verdict)
     return _judged(verdict)
 

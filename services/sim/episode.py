@@ -11,8 +11,10 @@ from episode_kit.episode import About, FlyingEpisode
 from episode_kit.judge import judge
 from episode_kit.kinematics import Vector, wrapped
 from episode_kit.odometry import Odometry
+from episode_kit.own_request import claimed_window
 from episode_kit.trajectory import KinematicPlanner, Planner
 from service_kit.errors import Conflict
+from services.sim.catalogue.registry import names_of
 from services.sim.dynamic_flight import Pilot
 from services.sim.scenes import ReadyScene, check_start
 from services.sim.world import GROUND, World
@@ -32,6 +34,7 @@ class LiveEpisode(FlyingEpisode):
         self.sensors = question.sensors_flown
         self.faults = question.faults
         self._flown_outside = False
+        self._own_request = question.own_request
         self.seeds = (ready.scene.seed, question.seed)
         flight = question.flight
         self._world = World(ready.blueprint, flight.radius_m)
@@ -91,7 +94,11 @@ class LiveEpisode(FlyingEpisode):
 
     def judged(self, target: Vector | None) -> Verdict:
         drone, ready = self.drone, self.ready
-        return judge(ready.scene, ready.things, self._world, drone.pose, drone.collided, target, self.steps)
+        verdict = judge(ready.scene, ready.things, self._world, drone.pose, drone.collided, target, self.steps)
+        if not self._own_request:
+            return verdict
+        window = claimed_window(ready.scene, ready.things, self._world, drone.pose, target, names_of)
+        return verdict.model_copy(update={"window": window})
 
     def _planner(self, question: EpisodeQuestion) -> Planner:
         """By dynamics where that is asked for, or where wind blows."""

@@ -182,3 +182,22 @@ async def test_every_sample_is_delivered_with_true_answers_and_without_a_collisi
 ) -> None:
     result, _ = await fly(services, runs, sample=sample, settings=MissionSettings())
     assert result.outcome == "delivered", result.message
+
+
+async def test_a_request_of_ones_own_on_a_sample_is_flown_and_told_as_what_it_is(
+    services: Services, runs: Path
+) -> None:
+    result, events = await fly(
+        services, runs, backend="embedded", request="fourth floor, the window with the red flower pot"
+    )
+    assert result.outcome == "stopped_not_judged", result.message
+    assert "a window with a red flower pot on floor 4, as asked" in result.message
+    assert "the goal of the scene itself is another" in result.message
+    assert result.verdict is not None
+    assert (result.verdict.judged, result.verdict.delivered) == (False, False)
+    assert not any("delivered" in event.message for event in events)
+
+
+async def test_other_words_for_a_samples_own_window_are_judged_by_its_goal(services: Services, runs: Path) -> None:
+    result, _ = await fly(services, runs, request="fourth floor, the window with the green flower pot")
+    assert result.outcome == "delivered", result.message

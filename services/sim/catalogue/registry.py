@@ -77,6 +77,13 @@ def listed() -> tuple[CatalogueEntry, ...]:
     return tuple(sorted((item.entry for item in _table.values()), key=lambda entry: order.index(entry.category)))
 
 
+def names_of(kind: str, colour: str) -> tuple[str, ...]:
+    """All that people call a thing of that class and colour: with its colour first, then without."""
+    item = _table.get(kind)
+    names = (kind.replace("_", " "),) if item is None else (item.entry.phrase, *item.entry.synonyms)
+    return (*(f"{colour} {name}" for name in names), *names)
+
+
 @lru_cache(maxsize=1024)
 def build(kind: str, colour: str, textures: TextureSet) -> Mesh:
     """One object in metres, front +x, up +z; the module's text says where its origin lies.

@@ -8,6 +8,7 @@ from contracts.scene_layout import window_slot
 from contracts.sim import Verdict
 from episode_kit.judge import Hit, Thing, goal_window, judge, nearest_window
 from episode_kit.kinematics import Vector
+from episode_kit.own_request import claimed_window
 
 POT = Thing(7, (0.0, -5.3, 7.1))
 HYDRANT = Thing(8, (9.0, -9.0, 0.5))
@@ -210,3 +211,19 @@ def test_without_a_goal_only_the_stop_is_checked() -> None:
 
 def test_the_goals_window_is_where_its_object_stands() -> None:
     assert goal_window(scene()) == window_slot(scene().building("house"), 0, 3, 1)
+
+
+def test_for_a_request_of_ones_own_the_verdict_tells_what_stands_at_both_windows() -> None:
+    place = WindowPlace(building="house", facade=2, floor=2, column=1)
+    yard = scene()
+    other = SceneObject(id="other", kind="flower-pot", colour="red", place=place)
+    yard = yard.model_copy(update={"objects": (*yard.objects, other)})
+    slot = window_slot(yard.building("house"), 2, 2, 1)
+    pose = Pose(x=slot.centre[0], y=slot.centre[1] + 2.0, z=slot.centre[2], yaw=-1.57)
+    window = claimed_window(yard, {}, OpenAir(), pose, slot.centre, lambda kind, colour: (f"{colour} {kind}",))
+    assert window is not None
+    assert (window.claimed.floor, window.claimed.names) == (2, ("red flower-pot",))
+    assert window.goal is not None
+    assert (window.goal.floor, window.goal.names) == (3, ("green flower-pot",))
+    assert window.distance_m == pytest.approx(2.0)
+    assert (window.in_front, window.line_of_sight, window.nearest_window) == (True, True, True)
