@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-clients test-export test-small-model test-real-server check format schema configuration load bench-sim bench-model train train-parser expert clean
+.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -123,6 +123,17 @@ check: setup  ## lint, format, strict types
 schema: setup  ## write docs/events.schema.json and docs/scene.schema.json anew from contracts/
 	@$(BIN)/python -m contracts.events > docs/events.schema.json.new && mv docs/events.schema.json.new docs/events.schema.json
 	@$(BIN)/python -m contracts.scene > docs/scene.schema.json.new && mv docs/scene.schema.json.new docs/scene.schema.json
+
+docs: setup .cache/docs/.ready  ## build the site of docs/ with the API reference into build/site; a warning is an error (130 MB of packages, once)
+	@NO_MKDOCS_2_WARNING=1 .cache/docs/bin/mkdocs build --strict --quiet
+	@echo "build/site/index.html"
+
+.cache/docs/.ready:
+	@echo "preparing MkDocs in .cache/docs (130 MB of packages)"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/docs
+	@$(BIN)/uv pip install --quiet --python .cache/docs/bin/python \
+	  mkdocs==1.6.1 mkdocs-material==9.8.2 mkdocstrings==1.0.8 mkdocstrings-python==2.0.11 ruff==$$($(BIN)/ruff --version | cut -d' ' -f2)
+	@touch $@
 
 configuration: setup  ## write docs/configuration.md anew from the settings' classes
 	@$(BIN)/python -m scripts.configuration > docs/configuration.md.new && mv docs/configuration.md.new docs/configuration.md
