@@ -66,8 +66,7 @@ function stageOf({ status, phase, outcome, started }) {
 }
 
 function nowOf({ status, phase, outcome, ended }) {
-  if (outcome)
-    return `${ENDS[outcome] ?? OTHER_END}${ended ? ` It was over at ${clockTime(ended)}.` : ""}`;
+  if (outcome) return `${ENDS[outcome] ?? OTHER_END}${ended ? ` It was over at ${clockTime(ended)}.` : ""}`;
   if (status === "needs_answer") return "Something is not clear yet: please answer the question.";
   if (status === "flying") return PHASES[phase] ?? "The drone is on its way.";
   return phase === "parse" ? "Your words are being read." : "A drone will be free soon.";
@@ -130,7 +129,10 @@ function animate() {
 
 function reframe(drones) {
   frame = streetFrame(street, drones);
-  ground.replaceChildren(...background(frame, street));
+  const own = street?.buildings.find((b) => b.target)?.footprint ?? [];
+  const middle = (axis) => own.reduce((sum, p) => sum + p[axis], 0) / own.length;
+  const name = { x: frame.x(middle("x")), y: frame.y(middle("y")), "text-anchor": "middle" };
+  ground.replaceChildren(...background(frame, street), ...(own.length ? [svg("text", name, "your building")] : []));
 }
 
 connection.addEventListener("change", draw);

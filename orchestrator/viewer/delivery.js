@@ -12,7 +12,7 @@ import { ask, connection, get, needsServer, poll, stream } from "./server.js";
 import { makeSpace } from "./space.js";
 import { makeTimeline } from "./timeline.js";
 import { makeMarked, makeViews } from "./views.js";
-import { outcomeWords, phaseWords, stateWords } from "./wording.js";
+import { outcomeWords, phaseWords, placeWords, stateWords } from "./wording.js";
 
 /** `session`: {role}; `at`: the moment to show, seconds, or null to follow. Returns {node, stop}. */
 export function makeDelivery(id, session, at = null) {
@@ -127,7 +127,8 @@ export function makeDelivery(id, session, at = null) {
   function wordsAt(index) {
     const end = replay.lastOf(index, "result");
     if (end) return outcomeWords(end.data.outcome, end.data.message);
-    if (index < replay.events.length - 1) return { text: phaseWords(replay.events[index]?.phase ?? "parse"), tone: "quiet" };
+    if (index < replay.events.length - 1)
+      return { text: phaseWords(replay.events[index]?.phase ?? "parse"), tone: "quiet" };
     return stateWords({ ...delivery, phase: replay.events[index]?.phase ?? delivery.phase });
   }
 
@@ -165,12 +166,7 @@ export function makeDelivery(id, session, at = null) {
       liveNow && drone.last.state.battery.remaining !== null
         ? ` · battery ${number(100 * drone.last.state.battery.remaining, 0)} %`
         : "";
-    say(
-      where,
-      pose
-        ? `${number(pose.z)} m high, ${number(pose.x)} m east, ${number(pose.y)} m north${battery}${liveNow ? " · live" : ""}`
-        : "The drone has not taken off yet.",
-    );
+    say(where, pose ? `${placeWords(pose)}${battery}${liveNow ? " · live" : ""}` : "The drone has not taken off yet.");
   }
 
   function animate() {

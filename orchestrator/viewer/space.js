@@ -60,7 +60,7 @@ export function makeSpace() {
     const [c, s, ca, sa] = [Math.cos(eye.around), Math.sin(eye.around), Math.cos(eye.above), Math.sin(eye.above)];
     const right = -s * dx + c * dy,
       ahead = -(c * dx + s * dy);
-    const away = scene.size * 2.2 + ahead * ca - dz * sa,
+    const away = scene.size * 1.7 + ahead * ca - dz * sa,
       up = dz * ca + ahead * sa;
     const scale = (canvas.height * FAR * eye.zoom * 1.6) / Math.max(away, 0.5);
     return { x: canvas.width / 2 + right * scale, y: canvas.height / 2 - up * scale, away };

@@ -71,6 +71,7 @@ export function makeStreets() {
       {
         href: `#/delivery/${flight.delivery}`,
         data: { delivery: flight.delivery },
+        style: { display: "none" },
         "aria-label": lines.get(flight.delivery)?.request ?? flight.delivery,
       },
       svg("path", { class: "drone live", d: "M13 0L-8 8L-4 0L-8-8Z" }),
@@ -113,6 +114,7 @@ export function makeStreets() {
         "transform",
         `translate(${drone.frame.x(pose.x).toFixed(1)} ${drone.frame.y(pose.y).toFixed(1)})`,
       );
+      drone.node.style.display = "";
       drone.node.firstChild.setAttribute("transform", `rotate(${((-pose.yaw * 180) / Math.PI).toFixed(1)})`);
       drone.node.firstChild.setAttribute("class", drone.silent ? "drone stale" : "drone live");
     }

@@ -59,7 +59,13 @@ export function stateWords(delivery) {
   if (result) return outcomeWords(result.outcome, result.message ?? "");
   if (delivery.status === "needs_answer") return { text: "asks", tone: "open" };
   if (delivery.status === "waiting") return { text: "waiting", tone: "quiet" };
-  return { text: phaseWords(delivery.phase), tone: "live" };
+  return { text: phaseWords(delivery.phase === "parse" ? "place" : delivery.phase), tone: "live" };
+}
+
+/** Where a drone is, from the middle of its street's map. */
+export function placeWords({ x, y, z }) {
+  const east = `${Math.abs(x).toFixed(1)} m ${x < 0 ? "west" : "east"}`;
+  return `${z.toFixed(1)} m high, ${east}, ${Math.abs(y).toFixed(1)} m ${y < 0 ? "south" : "north"} of the map's middle`;
 }
 
 export const sideWords = ({ heading_deg: heading, pitch_deg: pitch }) => {

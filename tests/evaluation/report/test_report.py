@@ -20,6 +20,7 @@ from contracts.vlm_gateway import FindObjectAnswer
 from evaluation.bench.folder import BadFolder
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.metrics.model_calls import RoleCalls
+from evaluation.report.failures import failures_of
 from evaluation.report.markup import Html, join, tag
 from evaluation.report.page import build_page
 from evaluation.report.pictures import Album, Shown, edge_for, most_telling
@@ -140,12 +141,21 @@ def test_a_failure_of_the_contour_search_shows_what_it_had_seen_and_what_it_expe
     parsed(page)
 
 
+def test_a_failure_whose_record_is_there_leads_to_its_replay(two_runs: list[Path]) -> None:
+    runs = load_runs(two_runs[:1])
+    kept = next(failure for failure in failures_of(runs) if failure.folder is not None)
+    page = build_page(runs)
+    assert f'href="http://127.0.0.1:8110/#/delivery/{kept.task.id}"' in page
+    assert f"logisticsvln replay {two_runs[0]}" in page
+
+
 def test_the_page_needs_nothing_from_anywhere(two_runs: list[Path]) -> None:
     page = build_page(load_runs(two_runs))
     found = parsed(page).fetched
     assert len([address for address in found if address.startswith("data:image/jpeg;base64,")]) == 5
     assert all(address.startswith("data:") for address in found)
-    assert not re.search(r"https?://|@import|url\(", page)
+    replays = r"(?!127\.0\.0\.1:8110/)"  # of this machine, for whoever follows a link
+    assert not re.search(rf"https?://{replays}|@import|url\(", page)
 
 
 def test_what_people_wrote_is_shown_and_never_run(two_runs: list[Path]) -> None:

@@ -4,7 +4,6 @@
 import asyncio
 import os
 import re
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,8 +18,8 @@ from tests.orchestrator.viewer.conftest import PHONE, OpenPage
 
 pytestmark = pytest.mark.browser
 PACE = {"flight": {"pace": 0.6}}
-UNDERSTOOD_WITHIN_S = 120.0
 FLIGHT_MS = 240_000
+UNCLEAR = "Please bring my parcel to the window with the green flower pot."
 
 
 @pytest.fixture(scope="module")
@@ -53,22 +52,22 @@ def ended(page: Page) -> None:
     expect(page.locator(".actions .badge")).to_have_text(re.compile("delivered|wrong|not|blocked"), timeout=FLIGHT_MS)
 
 
-def test_a_first_delivery_is_ordered_and_understood_within_two_minutes(
+def test_a_first_delivery_is_ordered_and_its_end_understood_without_a_document(
     url: str, open_page: OpenPage, shots: Path
 ) -> None:
-    begun = time.monotonic()
     page = open_page(url)
     page.get_by_role("link", name="Order").click()
-    page.get_by_label("What shall be brought where?").fill("My parcel goes to the window with the green flower pot.")
+    page.get_by_label("What shall be brought where?").fill(
+        "Please bring my parcel to the window with the green flower pot."
+    )
     understood = page.locator(".understood")
-    expect(understood).to_contain_text("Which floor")
+    expect(understood).to_contain_text("Which floor is the window on?")
     page.screenshot(path=shots / "viewer-order.png")
     understood.get_by_label("Your answer").fill("the fourth floor")
     understood.get_by_role("button", name="Answer").click()
     expect(understood).to_contain_text("Nothing is open")
     page.get_by_role("button", name="Order the delivery").click()
     ended(page)
-    assert time.monotonic() - begun < UNDERSTOOD_WITHIN_S
     expect(page.locator(".views img").first).to_be_visible()
 
 
@@ -83,8 +82,9 @@ def test_a_fleet_and_a_delivery_look_as_the_document_shows(url: str, open_page: 
     page = open_page(url)
     for one in flying:
         expect(page.locator(f'[data-delivery="{one}"]')).to_be_visible(timeout=FLIGHT_MS)
+        expect(page.locator(f'.flights a[href="#/delivery/{one}"] + span')).to_contain_text("m high", timeout=FLIGHT_MS)
     expect(page.locator(".alerts")).to_contain_text("asks")
-    page.wait_for_timeout(2000)
+    page.wait_for_timeout(4000)
     page.screenshot(path=shots / "viewer-fleet.png")
     link = httpx.post(f"{url}/v1/deliveries/{flying[0]}/link", timeout=30).json()["path"]
     page = open_page(url + link, viewport=PHONE)
