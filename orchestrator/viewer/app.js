@@ -14,13 +14,15 @@ let session = { role: "read_only", asked: false },
 
 /** Addresses: #/, #/order, #/delivery/ID, #/delivery/ID/SECONDS, #/compare/ID, #/compare/ID/ID. */
 function pageOf(hash) {
-  const [name, first, second] = hash.replace(/^#\/?/, "").split("/").map(decodeURIComponent);
+  const [name, first, second] = hash.replace(/^#\/?/, "").split("/");
   if (name === "order" && session.role === "operator") return makeOrder();
-  if (name === "delivery" && first)
-    return makeDelivery(first, session, second === undefined || Number.isNaN(Number(second)) ? null : Number(second));
-  if (name === "compare" && first) return makeCompare(first, second);
+  if (name === "delivery" && isId(first)) return makeDelivery(first, session, Number.parseFloat(second));
+  if (name === "compare" && isId(first)) return makeCompare(first, isId(second) ? second : null);
   return makeFleet();
 }
+
+/** What may stand in the path of a request. */
+const isId = (text) => /^[A-Za-z0-9][A-Za-z0-9_.:-]*$/.test(text ?? "");
 
 function go() {
   page?.stop();

@@ -14,17 +14,18 @@ import { makeTimeline } from "./timeline.js";
 import { makeMarked, makeViews } from "./views.js";
 import { outcomeWords, phaseWords, placeWords, stateWords } from "./wording.js";
 
-/** `session`: {role}; `at`: the moment to show, seconds, or null to follow. Returns {node, stop}. */
-export function makeDelivery(id, session, at = null) {
+/** `session`: {role}; `at`: the moment to show, seconds, or NaN to follow. Returns {node, stop}. */
+export function makeDelivery(id, session, at = NaN) {
   const replay = new Replay(),
     drone = new LiveDrone();
   let delivery = null,
     street = null,
-    time = at ?? 0,
-    following = at === null,
+    time = at || 0,
+    following = Number.isNaN(at),
     ended = false,
     gone = null,
-    gap = false;
+    gap = false,
+    drawn = null;
 
   const address = (file) => `/v1/deliveries/${id}/files/${file}`;
   const request = el("h1"),
@@ -100,27 +101,41 @@ export function makeDelivery(id, session, at = null) {
   function draw() {
     const running = !!delivery && delivery.status !== "done" && !ended;
     if (following) time = replay.duration;
-    const index = replay.indexAt(time),
-      model = { replay, index, street, time, running, following };
-    const parsed = replay.lastOf(index, "parsed");
-    if (delivery) request.replaceChildren("“", ...marked(delivery.request, parsed?.data.answer.evidence), "”");
+    const index = replay.indexAt(time);
+    const model = { replay, index, street, time, running, following };
+    timeline.draw(model);
     drawHead(running);
-    for (const part of [steps, views, mark, plan, height, space, calls, log, timeline]) part.draw(model);
-    facts.draw(factsOf(delivery, replay, index));
-    question.draw(running && following && delivery?.status === "needs_answer" ? delivery.question : null);
+    const what = [index, replay.events.length, delivery?.status, !!street].join();
+    if (what !== drawn) drawMoment(model);
+    drawn = what;
+    question.draw(running && following && delivery.status === "needs_answer" ? delivery.question : null);
     place();
   }
 
+  /** What changes from event to event only, not while the drone glides between two. */
+  function drawMoment(model) {
+    const { index } = model;
+    const parsed = replay.lastOf(index, "parsed");
+    if (delivery) request.replaceChildren("“", ...marked(delivery.request, parsed?.data.answer.evidence), "”");
+    for (const part of [steps, views, mark, plan, height, space, calls, log]) part.draw(model);
+    facts.draw(factsOf(delivery, replay, index));
+  }
+
   function drawHead(running) {
-    if (!delivery) return;
+    const said = troubleOf(running);
+    say(trouble, said);
+    show(trouble, said !== "");
+    show(cancel, running);
+    show(link, !!delivery);
+    show(compare, !!delivery);
+    if (!delivery) {
+      say(request, gone ? "No such delivery" : "Loading …");
+      return;
+    }
     const words = wordsAt(replay.indexAt(time));
     say(badge, words.text);
     badge.className = `badge ${words.tone}`;
     say(about, `${id} · ordered ${when(delivery.created)}${delivery.vehicle ? ` · flown by ${delivery.vehicle}` : ""}`);
-    show(cancel, running);
-    const said = troubleOf(running);
-    say(trouble, said);
-    show(trouble, said !== "");
   }
 
   /** The delivery's state at the moment that is shown. */
