@@ -9,7 +9,8 @@ const SIDE = 400,
 
 /** What is drawn, in the order of the legend: its class, its name, how its sign looks. */
 const LEGEND = [
-  ["building", "building (street map)", "area"],
+  ["target", "building delivered to (street map)", "area"],
+  ["building", "other building", "area"],
   ["wall", "wall, as depth saw it", "dots"],
   ["inspected", "facade looked at", "area"],
   ["uninspected", "facade still to look at", "area"],
@@ -129,7 +130,7 @@ export function background(frame, street) {
   );
   const houses = street.buildings.map((b) =>
     svg("polygon", {
-      class: b.target ? "building target" : "building",
+      class: b.target ? "target" : "building",
       points: b.footprint.map((p) => `${frame.x(p.x)},${frame.y(p.y)}`).join(" "),
     }),
   );

@@ -45,7 +45,7 @@ def test_a_moment_of_a_delivery_has_an_address_and_its_plan_a_legend(house: Hous
     page.keyboard.press("End")
     expect(page.locator(".actions .badge")).to_have_text("delivered")
     legend = page.get_by_role("list", name="Legend of the plan")
-    for said in ("way flown", "facade looked at", "thing seen", "building (street map)"):
+    for said in ("way flown", "facade looked at", "thing seen", "building delivered to"):
         expect(legend).to_contain_text(said)
     page.keyboard.press("ArrowLeft")
     expect(page.locator(".actions .badge")).not_to_have_text("delivered")
