@@ -5,7 +5,8 @@ from collections.abc import Awaitable
 
 from contracts.vehicle import FlightMode
 from service_kit.errors import Conflict, Unavailable
-from services.mavlink_vehicle.drone import Drone, Interrupted, Stopped, TakenOver
+from services.mavlink_vehicle.drone import Drone
+from services.mavlink_vehicle.flight_ends import Interrupted, Stopped, TakenOver
 from services.mavlink_vehicle.link import CommandRefused, LinkLost
 from services.mavlink_vehicle.report import Odometer
 

@@ -69,7 +69,7 @@ def build_app(
     app = create_app(
         "mavlink_vehicle",
         max_body_bytes=MAX_BODY_BYTES,
-        checks={"autopilot": lambda: _heard(link)} | ({"sim": simulator.usable} if trials is not None else {}),
+        checks={"autopilot": lambda: _ready(link)} | ({"sim": simulator.usable} if trials is not None else {}),
         about={"cameras": "simulated" if trials is not None else "its own", "autopilot_address": link.address},
         token=token,
         lifespan=lifespan,
@@ -87,8 +87,13 @@ def build_app(
     return app
 
 
-async def _heard(link: Link) -> str | None:
-    return link.silence if link.telemetry.lost else None
+async def _ready(link: Link) -> str | None:
+    telemetry = link.telemetry
+    if telemetry.lost:
+        return link.silence
+    if telemetry.missing and not telemetry.armed:
+        return f"it lacks {', '.join(telemetry.missing)}{telemetry.last_words}"
+    return None
 
 
 def _add_vehicle_routes(app: FastAPI, base: str, vehicle_of: VehicleOf) -> None:

@@ -9,7 +9,8 @@ from service_kit.settings import revealed
 from services.mavlink_vehicle.app import build_app
 from services.mavlink_vehicle.cameras.simulated import NoCameras
 from services.mavlink_vehicle.course import FlightLimits
-from services.mavlink_vehicle.drone import Drone, Tolerance
+from services.mavlink_vehicle.drone import Drone
+from services.mavlink_vehicle.flight_ends import Tolerance
 from services.mavlink_vehicle.link import Link
 from services.mavlink_vehicle.settings import MavlinkVehicleSettings
 from services.mavlink_vehicle.task import Body, Task
@@ -24,6 +25,8 @@ def bootstrap(settings: MavlinkVehicleSettings) -> FastAPI:
         settings.vehicle_max_speed_m_s,
         settings.vehicle_max_acceleration_m_s2,
         math.radians(settings.vehicle_max_yaw_rate_deg_s),
+        settings.vehicle_max_climb_m_s,
+        settings.vehicle_max_sink_m_s,
     )
     radius_m = settings.vehicle_radius_m
     body = Body(radius_m, radius_m, settings.vehicle_battery_reserve)

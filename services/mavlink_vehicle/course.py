@@ -16,11 +16,20 @@ SHORTEST_LEG_M = 1e-3
 
 
 class FlightLimits(NamedTuple):
-    """Of the set-point's motion."""
+    """Of the set-point's motion; `climb_m_s` and `sink_m_s` of its upward and its downward part."""
 
     speed_m_s: float
     acceleration_m_s2: float
     yaw_rate_rad_s: float
+    climb_m_s: float = math.inf
+    sink_m_s: float = math.inf
+
+    def along(self, start: Pose, end: Pose) -> "FlightLimits":
+        """The limits of a leg: no faster than its upward or downward part may be."""
+        steep = (end.z - start.z) / max(distance_m(start, end), SHORTEST_LEG_M)
+        upright_m_s = self.climb_m_s if steep > 0.0 else self.sink_m_s
+        most = upright_m_s / abs(steep) if abs(steep) > SHORTEST_LEG_M else math.inf
+        return self._replace(speed_m_s=min(self.speed_m_s, most))
 
 
 class Part(NamedTuple):
@@ -52,7 +61,8 @@ class Course(NamedTuple):
         if part.length_m < SHORTEST_LEG_M:
             turn = wrapped(part.end.yaw - part.start.yaw) * time_s / part.duration_s
             return part.start.model_copy(update={"yaw": wrapped(part.start.yaw + turn)})
-        share = _distance_at(time_s, part.length_m, self.limits) / part.length_m
+        limits = self.limits.along(part.start, part.end)
+        share = _distance_at(time_s, part.length_m, limits) / part.length_m
         return _between(part.start, part.end, share)
 
     def stop(self, part: Part, time_s: float) -> Pose:
@@ -75,7 +85,7 @@ def course(start: Pose, path: Sequence[Point3], yaw: float | None, limits: Fligh
         length_m = distance_m(here, there)
         if length_m < SHORTEST_LEG_M:
             continue
-        parts.append(Part(here, there, _duration_s(length_m, limits)))
+        parts.append(Part(here, there, _duration_s(length_m, limits.along(here, there))))
         if math.dist((here.x, here.y), (there.x, there.y)) > SHORTEST_LEG_M:
             heading = math.atan2(there.y - here.y, there.x - here.x)
         here = there

@@ -8,10 +8,11 @@ import asyncio
 import logging
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from contextlib import suppress
 
 from services.mavlink_vehicle.control import Control
-from services.mavlink_vehicle.course import Course, Part
+from services.mavlink_vehicle.course import Course
+from services.mavlink_vehicle.flight_ends import Hit, Patience, Stopped, StuckOnTheWay, TakenOver, Tolerance
 from services.mavlink_vehicle.frames import Alignment, Enu, wrapped
 from services.mavlink_vehicle.link import CommandRefused, Link, LinkLost
 from services.mavlink_vehicle.set_points import EVERY_S, SetPoints
@@ -20,7 +21,7 @@ from services.mavlink_vehicle.telemetry import Telemetry
 log = logging.getLogger("mavlink_vehicle.drone")
 
 LINK_PATIENCE_S = 8.0
-READY_WITHIN_S = 45.0
+READY_WITHIN_S = 40.0
 STREAM_FIRST_S = 0.6
 TRIES, TRY_AGAIN_S = 10, 0.5
 RISES_WITHIN_S = 30.0
@@ -31,37 +32,9 @@ RETURNS_WITHIN_S = 300.0
 OVER_HOME_M = 1.0
 SLOW_M_S = 0.35
 STOPS_WITHIN_S = 6.0
-SETTLES_WITHIN_S = 12.0
+LONGEST_WAY_S = 600.0
+ARMABLE_WITHIN_S = 8.0
 CALM_S = 0.3
-
-
-class Tolerance(NamedTuple):
-    """How near to a corner and to the end of its way it must come, and beyond what it has not arrived at all."""
-
-    corner_m: float = 0.5
-    end_m: float = 0.3
-    end_rad: float = math.radians(5.0)
-    lost_m: float = 1.5
-
-
-class Interrupted(Exception):
-    """A flight ended early; the message says why."""
-
-
-class Stopped(Interrupted):
-    """Somebody told it to hold."""
-
-
-class TakenOver(Interrupted):
-    """Somebody else flies it."""
-
-
-class Hit(Interrupted):
-    """The world outside says that it hit something."""
-
-
-class StuckOnTheWay(Interrupted):
-    """It does not come to where it is sent."""
 
 
 class Drone:
@@ -94,18 +67,32 @@ class Drone:
             await asyncio.sleep(EVERY_S)
 
     async def ready(self) -> None:
-        """Waits until it may arm. Raises CommandRefused, which says what is missing, and LinkLost."""
+        """Waits until its estimate is good enough to fly by. Raises CommandRefused, which says what is missing,
+        LinkLost."""
         telemetry = self.telemetry
         give_up_s = telemetry.clock() + READY_WITHIN_S
-        while telemetry.missing or telemetry.armable is False or telemetry.place is None:
+        while telemetry.missing or telemetry.place is None:
             if telemetry.clock() > give_up_s:
                 if telemetry.lost:
                     raise LinkLost(self.link.silence)
-                missing = telemetry.missing or ("a good word on whether it may arm",)
+                missing = telemetry.missing or ("a position",)
                 raise CommandRefused(f"the autopilot is not ready, it lacks {', '.join(missing)}{telemetry.last_words}")
             if self.stop_asked:
                 raise Stopped("it was told to stop")
             await asyncio.sleep(EVERY_S)
+
+    async def _armed(self) -> None:
+        """Raises CommandRefused, LinkLost, Interrupted."""
+        if self.link.firmware == "ardupilot":
+            # its take-off is one of GUIDED, and a set-point on the ground would end it
+            self.set_points.stop()
+            await self.link.take_set_points()
+        elif not await self._until(lambda: self.telemetry.armable is not False, ARMABLE_WITHIN_S):
+            # without a stick some modes can't be armed in; holding can
+            with suppress(CommandRefused):
+                await self.link.hold()
+        await self._until(lambda: self.telemetry.armable is not False, ARMABLE_WITHIN_S)
+        await self.link.arm()  # whatever is wrong still, the autopilot says it best
 
     async def take_off(self, height_m: float) -> None:
         """From the ground to `height_m` above it. Raises CommandRefused, LinkLost, Interrupted."""
@@ -114,11 +101,7 @@ class Drone:
         start = self._here()
         self.launch = start
         self.control.expect("ready", "takeoff", "hold", "offboard", self.telemetry.mode)
-        if self.link.firmware == "ardupilot":
-            # its take-off is one of GUIDED, and a set-point on the ground would end it
-            self.set_points.stop()
-            await self.link.take_set_points()
-        await self.link.arm()
+        await self._armed()
         await self.link.take_off(height_m)
         up_m = start.up_m + height_m
 
@@ -152,19 +135,18 @@ class Drone:
     async def fly(self, course: Course, alignment: Alignment, on_the_way: Callable[[float], None]) -> None:
         """Raises LinkLost, Interrupted; whatever is raised, it holds where it is then, unless somebody else flies."""
         flown_s, whole_s = 0.0, course.duration_s
-        for number, part in enumerate(course.parts):
-            last = number == len(course.parts) - 1
-            begun_s = self.telemetry.clock()
+        for part in course.parts:
+            begun_s, time_s, patience = self.telemetry.clock(), 0.0, Patience()
             end = alignment.local(part.end, part.end.yaw)
             try:
-                while not self._there(part, begun_s, end, last=last):
-                    time_s = self.telemetry.clock() - begun_s
+                while not self._there(time_s - part.duration_s, end, patience):
                     point = course.at(part, time_s)
                     self.set_points.aim(alignment.local(point, point.yaw))
                     on_the_way(min(1.0, (flown_s + min(time_s, part.duration_s)) / whole_s))
                     await self._go_on()
+                    time_s = self.telemetry.clock() - begun_s
             except (Stopped, Hit):
-                point = course.stop(part, self.telemetry.clock() - begun_s)
+                point = course.stop(part, time_s)
                 self.set_points.aim(alignment.local(point, point.yaw))
                 await self._calm_down()
                 raise
@@ -224,39 +206,38 @@ class Drone:
             raise LinkLost("the autopilot has not said for a second where it is")
         return place
 
-    def _there(self, part: Part, begun_s: float, end: Enu, *, last: bool) -> bool:
-        """At the end of a part, or as near as its corner asks. Raises StuckOnTheWay."""
-        late_s = self.telemetry.clock() - begun_s - part.duration_s
+    def _there(self, late_s: float, end: Enu, patience: "Patience") -> bool:
+        """At a corner, or as near as it asks. Raises StuckOnTheWay."""
         if late_s < 0.0:
             return False
+        off_m = self._off(end)
+        if patience.over(off_m, self.telemetry.clock()):
+            raise StuckOnTheWay(f"it stays {off_m:.1f} m from where it is sent{self.telemetry.last_words}")
+        return off_m < self.tolerance.corner_m
+
+    def _off(self, end: Enu) -> float:
         place = self.telemetry.place
-        off_m = math.inf if place is None else math.dist(place[:3], end[:3])
-        if last or off_m < self.tolerance.corner_m:
-            return True  # of the last part's end `_settle` takes care
-        if late_s > SETTLES_WITHIN_S:
-            raise StuckOnTheWay(f"it stays {off_m:.1f} m from where it is sent")
-        return False
+        return math.inf if place is None else math.dist(place[:3], end[:3])
 
     async def _settle(self, end: Enu) -> None:
         """Waits until it hovers there. Raises StuckOnTheWay where it stays far off; nearer than that it has come as
         near as it does."""
-        tolerance, since_s = self.tolerance, math.inf
+        tolerance, since_s, patience = self.tolerance, math.inf, Patience()
 
-        def off() -> tuple[float, float]:
+        def turned() -> bool:
             place = self.telemetry.place
-            if place is None:
-                return math.inf, math.inf
-            return math.dist(place[:3], end[:3]), abs(wrapped(place.yaw - end.yaw))
+            return place is not None and abs(wrapped(place.yaw - end.yaw)) < tolerance.end_rad
 
-        def calm() -> bool:
+        def over() -> bool:
             nonlocal since_s
-            off_m, off_rad = off()
-            still = off_m < tolerance.end_m and off_rad < tolerance.end_rad and self.telemetry.speed_m_s < SLOW_M_S
-            since_s = min(since_s, self.telemetry.clock()) if still else math.inf
-            return self.telemetry.clock() - since_s >= CALM_S
+            now_s, off_m = self.telemetry.clock(), self._off(end)
+            calm = off_m < tolerance.end_m and turned() and self.telemetry.speed_m_s < SLOW_M_S
+            since_s = min(since_s, now_s) if calm else math.inf
+            return now_s - since_s >= CALM_S or patience.over(off_m, now_s)
 
-        if not await self._until(calm, SETTLES_WITHIN_S) and off()[0] > tolerance.lost_m:
-            raise StuckOnTheWay(f"it stays {off()[0]:.1f} m from where it is sent{self.telemetry.last_words}")
+        await self._until(over, LONGEST_WAY_S)
+        if self._off(end) > tolerance.lost_m:
+            raise StuckOnTheWay(f"it stays {self._off(end):.1f} m from where it is sent{self.telemetry.last_words}")
 
     async def _calm_down(self) -> None:
         """It was told to stop: waits until it has. Nothing but somebody else's hand breaks this off."""

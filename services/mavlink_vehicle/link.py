@@ -38,7 +38,8 @@ NO_WORD = frozenset({"TIMEOUT", "NO_SYSTEM", "CONNECTION_ERROR"})
 GUIDED = 4
 """ArduCopter's number of the mode that takes set-points."""
 SET_MODE, CUSTOM_MODE = 176, 1
-LEVELS = {LogLevel.WARN: logging.WARNING, LogLevel.ERROR: logging.ERROR}
+WORDS_FOLLOW_S = 0.5
+"""An autopilot says why a moment after it has said no."""
 
 
 class CommandRefused(Exception):
@@ -57,6 +58,7 @@ class Link:
         self.address = address
         self.telemetry = telemetry
         self.firmware: Firmware = "other"
+        self._system_id = 1
         self._mavsdk: Mavsdk | None = None
         self._tasks: list[asyncio.Task[None]] = []
         self._calls: set[asyncio.Future[Any]] = set()
@@ -152,6 +154,7 @@ class Link:
             result = getattr(getattr(error, "result", None), "name", str(error))
             if result in NO_WORD:
                 raise LinkLost(f"the autopilot does not answer: it was to {what} ({result})") from None
+            await asyncio.sleep(WORDS_FOLLOW_S)
             words = self.telemetry.last_words
             raise CommandRefused(f"the autopilot refuses to {what}: {result}{words}") from None
 
@@ -166,7 +169,7 @@ class Link:
         if self._direct is None:
             raise LinkLost(self.silence)
         fields = {
-            "target_system": 1,
+            "target_system": self._system_id,
             "target_component": 1,
             "command": SET_MODE,
             "param1": CUSTOM_MODE,
@@ -188,6 +191,7 @@ class Link:
         while system is None:
             system = await self._mavsdk.first_autopilot(LOOK_FOR_S)
         self._offboard, self._direct = OffboardAsync(system), MavlinkDirectAsync(system)
+        self._system_id = await system.get_system_id()
         self.firmware = FIRMWARES.get(await system.autopilot_type(), "other")
         self._action = ActionAsync(system)
         self.telemetry.heard()
@@ -200,5 +204,6 @@ class Link:
 
 def _logged(level: LogLevel, message: str, file: str | None, line: int) -> bool:
     """MAVSDK's own lines, as ours; true: it writes none itself."""
-    log.log(LEVELS.get(level, logging.DEBUG), message)
+    # what matters of them is told by the calls and the telemetry; with nobody there they come twenty a second
+    log.log(logging.INFO if level >= LogLevel.WARN else logging.DEBUG, message)
     return True

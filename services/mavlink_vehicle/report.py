@@ -94,6 +94,4 @@ def health_of(telemetry: Telemetry, taken: str | None, collided: str | None, tro
     # in the air the autopilot's own failsafes deal with what it lacks; that it has no position is told here too
     lacks = telemetry.missing if not telemetry.armed else tuple(m for m in telemetry.missing if m == "a position")
     problems.extend(f"the autopilot lacks {missing}" for missing in lacks)
-    if not telemetry.armed and not lacks and telemetry.armable is False:
-        problems.append(f"the autopilot says that it may not arm{telemetry.last_words}")
     return Health(ok=not problems, problems=tuple(problems))

@@ -37,6 +37,10 @@ class MavlinkVehicleSettings(ServiceSettings):
     )
     vehicle_radius_m: float = Field(0.35, ge=0.05, le=5.0, description="Of a ball that holds all of the vehicle.")
     vehicle_max_speed_m_s: float = Field(3.0, ge=0.2, le=20.0, description="How fast its set-points move.")
+    vehicle_max_climb_m_s: float = Field(2.0, ge=0.1, le=10.0, description="How fast they rise.")
+    vehicle_max_sink_m_s: float = Field(
+        1.2, ge=0.1, le=5.0, description="How fast they sink: quadrotors sink badly through their own wake."
+    )
     vehicle_max_acceleration_m_s2: float = Field(
         1.5, ge=0.1, le=10.0, description="How fast their speed changes; it brakes within that too."
     )

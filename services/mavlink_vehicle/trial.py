@@ -17,7 +17,7 @@ from service_kit.client import CallError, Refused, ServiceClient
 from service_kit.errors import Conflict, NotFound, ServiceError, TooMany, Unavailable
 from services.mavlink_vehicle.cameras.simulated import SimulatedCameras
 from services.mavlink_vehicle.course import FlightLimits
-from services.mavlink_vehicle.drone import Interrupted
+from services.mavlink_vehicle.flight_ends import Interrupted
 from services.mavlink_vehicle.frames import Alignment
 from services.mavlink_vehicle.link import CommandRefused, LinkLost
 from services.mavlink_vehicle.task import Body, Task
@@ -199,10 +199,10 @@ class Trials:
         stands_m = flight.radius_m + ABOVE_GROUND_M
         foot = Pose(x=start.position.x, y=start.position.y, z=stands_m, yaw=start.yaw)
         cameras = SimulatedCameras(self._simulator, episode.id, question.rig.cameras)
-        limits = FlightLimits(
-            min(terms.limits.speed_m_s, flight.max_speed_m_s),
-            min(terms.limits.acceleration_m_s2, flight.max_acceleration_m_s2),
-            min(terms.limits.yaw_rate_rad_s, flight.max_yaw_rate_rad_s),
+        limits = terms.limits._replace(
+            speed_m_s=min(terms.limits.speed_m_s, flight.max_speed_m_s),
+            acceleration_m_s2=min(terms.limits.acceleration_m_s2, flight.max_acceleration_m_s2),
+            yaw_rate_rad_s=min(terms.limits.yaw_rate_rad_s, flight.max_yaw_rate_rad_s),
         )
         body = Body(flight.radius_m, stands_m, terms.reserve)
         self._vehicle.begin(Task(episode.id, cameras, limits, body, Alignment.between(place, foot)))

@@ -21,7 +21,8 @@ from service_kit.errors import Conflict, Unavailable
 from services.mavlink_vehicle.activity import Activity, over
 from services.mavlink_vehicle.cameras.port import chosen_cameras
 from services.mavlink_vehicle.course import course, distance_m
-from services.mavlink_vehicle.drone import Drone, Hit, Interrupted, Stopped, TakenOver
+from services.mavlink_vehicle.drone import Drone
+from services.mavlink_vehicle.flight_ends import Hit, Interrupted, Stopped, TakenOver
 from services.mavlink_vehicle.frames import Alignment, Enu
 from services.mavlink_vehicle.link import CommandRefused, LinkLost
 from services.mavlink_vehicle.moves import Moves

@@ -14,6 +14,7 @@ OFFBOARD_LOST_S = 0.5
 OFFBOARD_NEEDS_S = 0.15
 """So long a stream of set-points must have come before PX4 takes the mode."""
 DISARM_S = 0.5
+BLIND_S = 1.0
 
 
 @dataclass
@@ -49,6 +50,7 @@ class Autopilot:
     _heard_s: float = -10.0
     _home: Vector = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _landed_s: float = 0.0
+    _blind_s: float = 0.0
 
     @property
     def healthy(self) -> bool:
@@ -93,7 +95,7 @@ class Autopilot:
 
     def set_mode(self, mode: Mode) -> bool:
         """Asked for by whoever speaks MAVLink, or by the pilot's hand."""
-        if mode in self.faults.refuse or (mode != "stabilized" and not self.healthy):
+        if mode in self.faults.refuse or (mode not in ("stabilized", "land") and not self.healthy):
             return False
         if mode == "offboard" and self.firmware == "px4":
             streamed_s = self._heard_s - self._streaming_since_s
@@ -136,6 +138,11 @@ class Autopilot:
         if not self.armed:
             self.body.step(None, None)
             return
+        self._blind_s = self._blind_s + DT_S if self.faults.no_gps and self.in_air else 0.0
+        if self._blind_s > BLIND_S and self.mode not in ("land", "stabilized"):
+            self.say(2, "Failsafe activated: no position, descending")
+            self.mode = "land"
+            self._stay()
         self._fly()
 
     def _fly(self) -> None:

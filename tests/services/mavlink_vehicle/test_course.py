@@ -11,7 +11,7 @@ from contracts.geometry import Point3, Pose
 from services.mavlink_vehicle.course import Course, FlightLimits, Part, course, distance_m
 from services.mavlink_vehicle.frames import wrapped
 
-LIMITS = FlightLimits(speed_m_s=3.0, acceleration_m_s2=1.5, yaw_rate_rad_s=0.8)
+LIMITS = FlightLimits(speed_m_s=3.0, acceleration_m_s2=1.5, yaw_rate_rad_s=0.8, climb_m_s=2.0, sink_m_s=1.2)
 START = Pose(x=1.0, y=2.0, z=3.0, yaw=0.5)
 DT_S = 0.1
 quickly = settings(deadline=None, max_examples=40)
@@ -35,6 +35,7 @@ def test_neither_speed_nor_turning_exceeds_its_limit_and_it_ends_at_the_end(path
     points = flown(wanted) or [START]
     for a, b in pairwise(points):
         assert distance_m(a, b) <= LIMITS.speed_m_s * DT_S + 1e-6
+        assert -LIMITS.sink_m_s * DT_S - 1e-6 <= b.z - a.z <= LIMITS.climb_m_s * DT_S + 1e-6
         assert abs(wrapped(b.yaw - a.yaw)) <= LIMITS.yaw_rate_rad_s * DT_S + 1e-6
     end = path[-1] if path else START
     assert math.dist((points[-1].x, points[-1].y, points[-1].z), (end.x, end.y, end.z)) < 2e-3
