@@ -20,10 +20,10 @@ from contracts.vehicle import (
     VehicleCapabilities,
     VehicleState,
 )
-from service_kit.app import create_app, json_response
-from service_kit.client import ServiceClient
+from service_kit.app import Check, create_app, json_response
 from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, Unavailable, error_answers
 from service_kit.leaving import while_asked
+from services.mavlink_vehicle.cameras.filmed import FilmedCameras
 from services.mavlink_vehicle.link import Link
 from services.mavlink_vehicle.release import AfterMission, release
 from services.mavlink_vehicle.trial import Trials
@@ -42,18 +42,24 @@ VehicleOf = Callable[[Request], Vehicle]
 
 def build_app(
     vehicle: Vehicle,
-    trials: Trials | None,
-    simulator: ServiceClient,
     *,
+    trials: Trials | None = None,
+    filmed: FilmedCameras | None = None,
     after_mission: AfterMission = "hold",
     token: str | None = None,
 ) -> FastAPI:
-    """`trials`: null where the vehicle has cameras of its own. Listens to the autopilot while the app is up."""
+    """`trials`: where a simulator draws; `filmed`: where the vehicle has cameras of its own. Listens to the autopilot
+    while the app is up."""
     link = vehicle.drone.link
+    checks: dict[str, Check] = {"autopilot": lambda: _ready(link)}
+    checks |= {"sim": trials.simulator_usable} if trials is not None else {}
+    checks |= {"cameras": filmed.problem} if filmed is not None else {}
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await link.start()
+        if filmed is not None:
+            filmed.start()
         runs = [vehicle.drone.run(), vehicle.run(), *([trials.run()] if trials is not None else [])]
         tasks = [asyncio.create_task(run) for run in runs]
         yield
@@ -64,13 +70,14 @@ def build_app(
             await trials.close()
         await vehicle.close()
         await link.close()
-        await simulator.close()
+        if filmed is not None:
+            await filmed.close()
 
     app = create_app(
         "mavlink_vehicle",
         max_body_bytes=MAX_BODY_BYTES,
-        checks={"autopilot": lambda: _ready(link)} | ({"sim": simulator.usable} if trials is not None else {}),
-        about={"cameras": "simulated" if trials is not None else "its own", "autopilot_address": link.address},
+        checks=checks,
+        about={"cameras": "its own" if filmed is not None else "simulated", "autopilot_address": link.address},
         token=token,
         lifespan=lifespan,
     )

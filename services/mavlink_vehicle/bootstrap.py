@@ -5,8 +5,9 @@ import math
 from fastapi import FastAPI
 
 from service_kit.client import ServiceClient
-from service_kit.settings import revealed
+from service_kit.settings import BadSetting, revealed
 from services.mavlink_vehicle.app import build_app
+from services.mavlink_vehicle.cameras.filmed import BadCameras, FilmedCameras
 from services.mavlink_vehicle.cameras.simulated import NoCameras
 from services.mavlink_vehicle.course import FlightLimits
 from services.mavlink_vehicle.drone import Drone
@@ -33,13 +34,15 @@ def bootstrap(settings: MavlinkVehicleSettings) -> FastAPI:
     within_m = settings.vehicle_arrives_within_m
     tolerance = Tolerance(corner_m=within_m + 0.2, end_m=within_m, lost_m=within_m + 1.2)
     drone = Drone(Link(settings.autopilot, Telemetry()), tolerance)
+    token = revealed(settings.mavlink_vehicle_token)
+    if settings.cameras is not None:
+        try:
+            filmed = FilmedCameras.load(settings.cameras)
+        except BadCameras as error:
+            raise BadSetting(f"CAMERAS={error}") from None
+        vehicle = Vehicle(drone, Task(settings.vehicle_name, filmed, limits, body))
+        return build_app(vehicle, filmed=filmed, after_mission=settings.vehicle_after_mission, token=token)
     vehicle = Vehicle(drone, Task(settings.vehicle_name, NoCameras(), limits, body))
     simulator = ServiceClient("sim", settings.sim_url, timeout_s=5.0, token=revealed(settings.sim_token))
     trials = Trials(vehicle, simulator, Terms(limits, settings.vehicle_battery_reserve, settings.vehicle_lease_s))
-    return build_app(
-        vehicle,
-        trials,
-        simulator,
-        after_mission=settings.vehicle_after_mission,
-        token=revealed(settings.mavlink_vehicle_token),
-    )
+    return build_app(vehicle, trials=trials, after_mission=settings.vehicle_after_mission, token=token)

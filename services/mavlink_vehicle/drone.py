@@ -12,7 +12,7 @@ from contextlib import suppress
 
 from services.mavlink_vehicle.control import Control
 from services.mavlink_vehicle.course import Course
-from services.mavlink_vehicle.flight_ends import Hit, Patience, Stopped, StuckOnTheWay, TakenOver, Tolerance
+from services.mavlink_vehicle.flight_ends import Hit, Leapt, Patience, Stopped, StuckOnTheWay, TakenOver, Tolerance
 from services.mavlink_vehicle.frames import Alignment, Enu, wrapped
 from services.mavlink_vehicle.link import CommandRefused, Link, LinkLost
 from services.mavlink_vehicle.set_points import EVERY_S, SetPoints
@@ -135,6 +135,7 @@ class Drone:
     async def fly(self, course: Course, alignment: Alignment, on_the_way: Callable[[float], None]) -> None:
         """Raises LinkLost, Interrupted; whatever is raised, it holds where it is then, unless somebody else flies."""
         flown_s, whole_s = 0.0, course.duration_s
+        self.telemetry.leapt_m = None
         for part in course.parts:
             begun_s, time_s, patience = self.telemetry.clock(), 0.0, Patience()
             end = alignment.local(part.end, part.end.yaw)
@@ -145,7 +146,7 @@ class Drone:
                     on_the_way(min(1.0, (flown_s + min(time_s, part.duration_s)) / whole_s))
                     await self._go_on()
                     time_s = self.telemetry.clock() - begun_s
-            except (Stopped, Hit):
+            except (Stopped, Hit, Leapt):
                 point = course.stop(part, time_s)
                 self.set_points.aim(alignment.local(point, point.yaw))
                 await self._calm_down()
@@ -211,9 +212,10 @@ class Drone:
         if late_s < 0.0:
             return False
         off_m = self._off(end)
-        if patience.over(off_m, self.telemetry.clock()):
+        if patience.over(off_m, self.telemetry.clock()) and off_m > self.tolerance.lost_m:
             raise StuckOnTheWay(f"it stays {off_m:.1f} m from where it is sent{self.telemetry.last_words}")
-        return off_m < self.tolerance.corner_m
+        near_m = self.tolerance.lost_m if patience.ended else self.tolerance.corner_m
+        return off_m < near_m
 
     def _off(self, end: Enu) -> float:
         place = self.telemetry.place
@@ -264,6 +266,9 @@ class Drone:
             raise TakenOver(self.control.taken)
         if self.telemetry.silent_s > LINK_PATIENCE_S:
             raise LinkLost(self.link.silence)
+        if self.telemetry.leapt_m is not None:
+            leapt_m, self.telemetry.leapt_m = self.telemetry.leapt_m, None
+            raise Leapt(f"its estimate of where it is has leapt by {leapt_m:.1f} m")
         if self.hit is not None:
             hit, self.hit = self.hit, None
             raise Hit(f"it has hit {hit}")

@@ -21,12 +21,14 @@ class Patience:
     def __init__(self) -> None:
         self._best_m = math.inf
         self._since_s = math.inf
+        self.ended = False
 
     def over(self, off_m: float, now_s: float) -> bool:
         """So far off at that moment of the clock."""
         if off_m < self._best_m - NEARER_M or math.isinf(self._since_s):
             self._best_m, self._since_s = off_m, now_s
-        return now_s - self._since_s > STUCK_AFTER_S
+        self.ended = now_s - self._since_s > STUCK_AFTER_S
+        return self.ended
 
 
 class Interrupted(Exception):
@@ -47,3 +49,7 @@ class Hit(Interrupted):
 
 class StuckOnTheWay(Interrupted):
     """It does not come to where it is sent."""
+
+
+class Leapt(Interrupted):
+    """Its estimate of where it is has leapt: what was seen beside it stands elsewhere now."""

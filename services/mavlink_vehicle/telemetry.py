@@ -35,6 +35,7 @@ LOST_S = 2.0
 STALE_POSE_S = 1.0
 KEPT_S = 3.0
 WIDEST_GAP_S = 0.5
+LEAP_M = 1.0
 WORDS_COUNT_S = 20.0
 
 
@@ -92,12 +93,14 @@ def _between(a: Timed, b: Timed, time_s: float) -> Enu:
 
 @dataclass
 class Telemetry:
-    """`armable` and `landed` are null until they were told; `remaining` is of a full battery. `missing`: what the
-    estimate still lacks, for people."""
+    """`armable` and `landed` are null until they were told; `remaining` is of a full battery. `leapt_m`: how far its
+    position leapt, faster than it flies; null where it has not since somebody looked. `missing`: what the estimate
+    still lacks, for people."""
 
     clock: Clock = time.monotonic
     poses: PoseHistory = field(default_factory=PoseHistory)
     speed_m_s: float = 0.0
+    leapt_m: float | None = None
     yaw: float | None = None
     mode: Mode = "unknown"
     mode_told_s: float = -math.inf
@@ -117,8 +120,13 @@ class Telemetry:
 
     def moved(self, place: Enu, speed_m_s: float) -> None:
         """Where it is; `place` has no heading of its own, which is told apart."""
+        now, last = self.clock(), self.poses.last
+        if last is not None:
+            gap_m = math.dist(place[:3], last.place[:3])
+            if gap_m > LEAP_M + 2.0 * max(speed_m_s, self.speed_m_s) * (now - last.time_s):
+                self.leapt_m = gap_m
         if self.yaw is not None:
-            self.poses.add(self.clock(), place._replace(yaw=self.yaw))
+            self.poses.add(now, place._replace(yaw=self.yaw))
         self.speed_m_s = speed_m_s
 
     def warned(self, words: str) -> None:

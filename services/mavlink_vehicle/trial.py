@@ -88,6 +88,11 @@ class Trials:
             await self._forget(self._live)
         if self._landing is not None:
             self._landing.cancel()
+        await self._simulator.close()
+
+    async def simulator_usable(self) -> str | None:
+        """Null where the simulator is ready and takes our token."""
+        return await self._simulator.usable()
 
     async def begin(self, question: EpisodeQuestion) -> Episode:
         """The same key and question again is the same trial. Raises Conflict, TooMany, Unavailable, and what the

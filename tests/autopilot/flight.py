@@ -36,6 +36,7 @@ class Body:
     noise_m: float = 0.02
     chance: random.Random = field(default_factory=lambda: random.Random(1))
     _asked: Vector = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    _learnt: Vector = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _wander: Vector = field(default_factory=lambda: [0.0, 0.0, 0.0])
 
     @property
@@ -51,9 +52,11 @@ class Body:
         for axis in range(3):
             self._wander[axis] += -0.5 * DT_S * self._wander[axis] + self.chance.gauss(0.0, self.noise_m) * DT_S**0.5
         if target is None:
-            self.velocity = [0.0, 0.0, 0.0]
+            self.velocity, self._learnt = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             return
         gap = [t - p for t, p in zip(target, self.position, strict=True)]
+        for axis in range(3):
+            self._learnt[axis] = max(-2.0, min(2.0, self._learnt[axis] + 0.25 * DT_S * max(-1.0, min(1.0, gap[axis]))))
         level = [0.95 * gap[0], 0.95 * gap[1]]
         fast = math.hypot(*level)
         if fast > self.limits.speed_m_s:
@@ -63,7 +66,7 @@ class Body:
         for axis in range(3):
             # the attitude loop's delay, then the body's
             self._asked[axis] += (wanted[axis] - self._asked[axis]) * DT_S / 0.15
-            change = (self._asked[axis] + self.push[axis] - self.velocity[axis]) / 0.3
+            change = (self._asked[axis] + self._learnt[axis] + self.push[axis] - self.velocity[axis]) / 0.3
             most = self.limits.acceleration_m_s2
             self.velocity[axis] += max(-most, min(most, change)) * DT_S
             self.position[axis] += self.velocity[axis] * DT_S

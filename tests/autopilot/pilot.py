@@ -66,7 +66,7 @@ class Autopilot:
 
     def arm(self) -> bool:
         if self.faults.refuse_arming or not self.healthy:
-            self.say(3, "Arming denied: Resolve system health failures first")
+            self.say(3, "Arming denied: resolve health failures first")
             return False
         if not self.armed:
             self.armed, self._home, self._landed_s = True, list(self.body.position), self.time_s

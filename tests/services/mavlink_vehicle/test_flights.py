@@ -116,7 +116,7 @@ async def test_what_an_autopilot_refuses_is_told_in_its_own_words(
     autopilot = stand_in("px4")
     vehicle = await standing(client(behind(autopilot)))
     autopilot.told("faults", refuse_arming=True)
-    with pytest.raises(ServiceUnreachable, match=r"refuses to arm.*Resolve system health failures first"):
+    with pytest.raises(ServiceUnreachable, match=r"refuses to arm.*resolve health failures first"):
         await vehicle.take_off(2.0)
     assert (await vehicle.state()).mode == "landed"
 

@@ -112,3 +112,14 @@ def test_whoever_has_it_keeps_it_until_the_mission_is_over(clock: Clock) -> None
     assert control.in_hand() == "taken"
     control.leave()
     assert control.in_hand() == "free"
+
+
+def test_a_position_that_moves_faster_than_the_drone_has_leapt(clock: Clock) -> None:
+    telemetry = Telemetry(clock, yaw=0.0)
+    for east_m in (0.0, 0.3, 0.6):
+        clock.now += 0.1
+        telemetry.moved(Enu(east_m, 0.0, 2.0, 0.0), 3.0)
+    assert telemetry.leapt_m is None
+    clock.now += 0.1
+    telemetry.moved(Enu(5.0, 0.0, 2.0, 0.0), 3.0)
+    assert telemetry.leapt_m == pytest.approx(4.4)
