@@ -7,6 +7,7 @@ from service_kit.settings import ServiceSettings, Variable
 from services.carla_world.settings import CarlaWorldSettings
 from services.depth_assist.settings import DepthAssistSettings
 from services.llm_parser.settings import LlmParserSettings
+from services.mavlink_vehicle.settings import MavlinkVehicleSettings
 from services.sim.settings import SimSettings
 from services.vlm_gateway.settings import GatewaySettings
 
@@ -17,8 +18,11 @@ SERVICES: dict[str, type[ServiceSettings]] = {
     "depth_assist": DepthAssistSettings,
     "sim": SimSettings,
 }
-OTHER_VEHICLES: dict[str, type[ServiceSettings]] = {"carla_world": CarlaWorldSettings}
-"""Started beside them by `serve --vehicle`; no deployment has them."""
+OTHER_VEHICLES: dict[str, type[ServiceSettings]] = {
+    "mavlink_vehicle": MavlinkVehicleSettings,
+    "carla_world": CarlaWorldSettings,
+}
+"""Started beside them by `serve --vehicle`; no Kubernetes manifest has them."""
 HEAD = """\
 # Configuration
 

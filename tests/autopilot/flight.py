@@ -55,7 +55,7 @@ class Body:
             self.velocity, self._learnt = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             return
         gap = [t - p for t, p in zip(target, self.position, strict=True)]
-        for axis in range(3):
+        for axis in range(2 if down_m_s is not None else 3):
             self._learnt[axis] = max(-2.0, min(2.0, self._learnt[axis] + 0.25 * DT_S * max(-1.0, min(1.0, gap[axis]))))
         level = [0.95 * gap[0], 0.95 * gap[1]]
         fast = math.hypot(*level)
