@@ -122,6 +122,10 @@ def bench(
         list[Path] | None,
         typer.Option(help="Of the subtask parse: labelled requests (JSON lines) instead of a task set; repeatable."),
     ] = None,
+    offline: Annotated[
+        list[Path] | None,
+        typer.Option(help="Fly nothing; ask the models of --backend (by commas; human) what these records asked."),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False,
 ) -> None:
     """Fly a task set and print the figures. A run that was interrupted or killed goes on with the same command."""
@@ -141,6 +145,13 @@ def bench(
         stop(f"only the oracle's answers can be disturbed, not those of {backend!r}: add --backend oracle", WRONG_INPUT)
     if recording is not None and cache == "off":
         stop("--recording keeps answers, --cache off keeps none: leave one out", WRONG_INPUT)
+    if offline:
+        from command_line.offline import ask_offline  # brings a web server, which no flight needs
+
+        kept = gateway_settings(cache or ("on" if recording else "off"), recording, {})
+        place = out or Path("runs") / f"offline-{time.strftime('%Y%m%d-%H%M%S')}"
+        ask_offline(offline, backend, limit, workers or 4, kept, place, console, as_json=as_json)
+        return
     model = model_name("backend", backend)
     share = read_shard(shard, out, flies=subtask is None)
     if database is not None:

@@ -19,7 +19,7 @@ from contracts.images import depth_in_metres
 from evaluation.bench.folder import read_records, read_tasks
 from evaluation.export.episodes import Episode, read_episode
 from evaluation.export.formats import export
-from tests.evaluation.export.recorded_run import recorded_run
+from tests.evaluation.recorded_run import recorded_run
 
 pytestmark = pytest.mark.exports
 ROOT = Path(__file__).parents[2]

@@ -19,7 +19,7 @@ from evaluation.export import formats
 from evaluation.export.episodes import CannotExport, read_episode
 from evaluation.export.formats import export
 from mission.record import read_events
-from tests.evaluation.export.recorded_run import REQUEST
+from tests.evaluation.recorded_run import REQUEST
 
 
 def test_coco_has_every_picture_that_was_shown_and_the_boxes_named_in_it(run: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""One recorded run for all tests of exports, and copies of it to be damaged."""
+"""One recorded run for all tests that read flights, and copies of it to be damaged."""
 
 import asyncio
 import shutil
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.evaluation.export.recorded_run import recorded_run
+from tests.evaluation.recorded_run import recorded_run
 
 
 @pytest.fixture(scope="session")

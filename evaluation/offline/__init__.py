@@ -1,0 +1,1 @@
+"""Recorded looks asked again, of any number of models and of people, without flying."""
