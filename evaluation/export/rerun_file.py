@@ -11,6 +11,7 @@ action/...                       the way to the next stop in the drone's own fra
 Timelines: `step` counts stops, `flight` is the drone's clock.
 """
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -39,10 +40,13 @@ class RerunWriter:
         """One flight. Raises BadTrajectory where something of it is missing, before anything of it is written."""
         episode = read_episode(self._run, task, record)
         with rr.RecordingStream("logisticsvln", recording_id=task.id) as stream:
-            stream.save(self._folder / f"{task.id}.rrd")
+            # not by its own sink to a file, which keeps to itself that a disk was full at the end
+            written = rr.binary_stream(recording=stream)
             _log_flight(stream, episode)
-            stream.flush()
-            stream.disconnect()
+            data = written.read()
+        if data is None:
+            raise OSError(errno.EIO, "nothing was encoded", f"{task.id}.rrd")
+        (self._folder / f"{task.id}.rrd").write_bytes(data)
 
     def finish(self) -> None:
         """Every file is whole."""
