@@ -18,12 +18,54 @@ from service_kit.settings import process_environment
 from tests.conftest import free_port
 
 
-class OrchestratorProcess:
+class OrchestratorDoor:
+    """What callers see of an orchestrator, whichever process answers there."""
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+
+    def post(self, **question: object) -> str:
+        """The id of a new delivery."""
+        answer = httpx.post(f"{self.url}/v1/deliveries", json=question, timeout=30)
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["id"])
+
+    def delivery(self, name: str) -> Delivery:
+        return Delivery.model_validate(httpx.get(f"{self.url}/v1/deliveries/{name}", timeout=30).json())
+
+    def deliveries(self) -> list[Delivery]:
+        """All of them, page by page."""
+        found: list[Delivery] = []
+        before: dict[str, str] = {}
+        while True:
+            answer = httpx.get(f"{self.url}/v1/deliveries", params={"limit": 200} | before, timeout=30)
+            page = DeliveryList.model_validate(answer.json())
+            found += page.deliveries
+            if page.next is None:
+                return found
+            before = {"before": page.next}
+
+    def events(self, name: str, after: int = 0, until: int | None = None) -> list[Event]:
+        """The stream's events numbered above `after`, to its end, to number `until`, or to the process's death."""
+        found: list[Event] = []
+        headers = {"Last-Event-ID": str(after)}
+        with contextlib.suppress(httpx.TransportError):
+            address = f"{self.url}/v1/deliveries/{name}/events"
+            with httpx.stream("GET", address, headers=headers, timeout=60) as answer:
+                for line in answer.iter_lines():
+                    if line.startswith("data: {") and line != "data: {}":
+                        found.append(read_event(line.removeprefix("data: ")))
+                    if until is not None and found and found[-1].number >= until:
+                        break
+        return found
+
+
+class OrchestratorProcess(OrchestratorDoor):
     """Always at the same address; `settings` are environment variables."""
 
     def __init__(self, at: Addresses, runs: Path, settings: Mapping[str, str] | None = None) -> None:
         self.port = free_port()
-        self.url = f"http://127.0.0.1:{self.port}"
+        super().__init__(f"http://127.0.0.1:{self.port}")
         self._environment = process_environment() | {
             "PORT": str(self.port),
             "RUNS_DIR": str(runs),
@@ -73,48 +115,14 @@ class OrchestratorProcess:
             self._process.wait(30)
             self._process = None
 
-    def post(self, **question: object) -> str:
-        """The id of a new delivery."""
-        answer = httpx.post(f"{self.url}/v1/deliveries", json=question, timeout=30)
-        assert answer.status_code == 202, answer.text
-        return str(answer.json()["id"])
 
-    def delivery(self, name: str) -> Delivery:
-        return Delivery.model_validate(httpx.get(f"{self.url}/v1/deliveries/{name}", timeout=30).json())
-
-    def deliveries(self) -> list[Delivery]:
-        """All of them, page by page."""
-        found: list[Delivery] = []
-        before: dict[str, str] = {}
-        while True:
-            answer = httpx.get(f"{self.url}/v1/deliveries", params={"limit": 200} | before, timeout=30)
-            page = DeliveryList.model_validate(answer.json())
-            found += page.deliveries
-            if page.next is None:
-                return found
-            before = {"before": page.next}
-
-    def events(self, name: str, after: int = 0, until: int | None = None) -> list[Event]:
-        """The stream's events numbered above `after`, to its end, to number `until`, or to the process's death."""
-        found: list[Event] = []
-        headers = {"Last-Event-ID": str(after)}
-        with contextlib.suppress(httpx.TransportError):
-            address = f"{self.url}/v1/deliveries/{name}/events"
-            with httpx.stream("GET", address, headers=headers, timeout=60) as answer:
-                for line in answer.iter_lines():
-                    if line.startswith("data: {") and line != "data: {}":
-                        found.append(read_event(line.removeprefix("data: ")))
-                    if until is not None and found and found[-1].number >= until:
-                        break
-        return found
-
-
-def heard(orchestrator: OrchestratorProcess, name: str, within_s: float = 600.0) -> list[Event]:
-    """A listener's events, who goes on after the last one heard whenever the stream breaks off."""
+def heard(orchestrator: OrchestratorDoor, name: str, after: int = 0, within_s: float = 600.0) -> list[Event]:
+    """The events numbered above `after` of a listener who goes on after the last one heard whenever the stream breaks
+    off."""
     events: list[Event] = []
     give_up = time.monotonic() + within_s
     while not (events and events[-1].kind == "result") and time.monotonic() < give_up:
-        events += orchestrator.events(name, after=events[-1].number if events else 0)
+        events += orchestrator.events(name, after=events[-1].number if events else after)
         time.sleep(0.05)
     return events
 
