@@ -68,7 +68,7 @@ class Engine:
         config: DBOSConfig = {
             "name": APPLICATION,
             "system_database_url": self._database.url.render_as_string(hide_password=False),
-            "system_database_engine": self._database.engine,
+            "system_database_engine": self._database.bookkeeping,
             "executor_id": self._executor,
             "application_version": WORKFLOWS_VERSION,
             "log_level": "ERROR",

@@ -2,7 +2,7 @@
 
 import fcntl
 from pathlib import Path
-from typing import TextIO
+from typing import Any, Literal, TextIO
 
 import sqlalchemy as sa
 from sqlalchemy import event
@@ -16,8 +16,10 @@ POOL = 20
 
 
 class Database:
-    """`engine` is everybody's: the deliveries' tables and those of the durable engine lie side by side. `shared`: other
-    processes may use it at the same time."""
+    """The deliveries' tables and those of the durable engine lie side by side. `engine` is everybody's; what is
+    committed by it is on the disk. `bookkeeping` is for the durable engine's own notes: in SQLite a power cut may take
+    the last of them, and nothing that was written before them. `shared`: other processes may use the database at the
+    same time."""
 
     def __init__(self, url: str) -> None:
         """Opens the database and brings its tables to today's form. Raises BadSetting where it can't be opened,
@@ -31,10 +33,11 @@ class Database:
         if self.shared:
             parsed = parsed.set(drivername="postgresql+psycopg")
             self.engine = sa.create_engine(parsed, pool_size=POOL, max_overflow=POOL, pool_pre_ping=True)
+            self.bookkeeping = self.engine
         elif parsed.get_backend_name() == "sqlite" and parsed.database:
             self._lock = _alone(Path(parsed.database))
-            self.engine = sa.create_engine(parsed, pool_size=POOL, max_overflow=POOL)
-            event.listen(self.engine, "connect", _prepare_sqlite)
+            self.engine = _sqlite_engine(parsed, "FULL")
+            self.bookkeeping = _sqlite_engine(parsed, "NORMAL")
         else:
             raise BadSetting("DATABASE_URL: give postgresql://user:password@host/name or sqlite:///file")
         self.url = parsed
@@ -56,6 +59,7 @@ class Database:
 
     def close(self) -> None:
         self.engine.dispose()
+        self.bookkeeping.dispose()
         if self._lock is not None:
             self._lock.close()
 
@@ -98,8 +102,21 @@ def _alone(file: Path) -> TextIO:
     return lock
 
 
-def _prepare_sqlite(connection: object, _: object) -> None:
-    """Writers take turns from the beginning of a transaction; what is committed is on the disk."""
-    connection.isolation_level = "IMMEDIATE"  # type: ignore[attr-defined]
-    for pragma in (f"busy_timeout={BUSY_S * 1000}", "journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
-        connection.execute(f"PRAGMA {pragma}")  # type: ignore[attr-defined]
+def _sqlite_engine(url: sa.URL, synchronous: Literal["FULL", "NORMAL"]) -> sa.Engine:
+    """Writers take turns from the beginning of a transaction. With FULL each commit is synced to the disk; with NORMAL
+    it is with the next one that is."""
+    engine = sa.create_engine(url, pool_size=POOL, max_overflow=POOL)
+
+    def prepare(connection: Any, _: object) -> None:
+        connection.isolation_level = "IMMEDIATE"
+        pragmas = (
+            f"busy_timeout={BUSY_S * 1000}",
+            "journal_mode=WAL",
+            f"synchronous={synchronous}",
+            "foreign_keys=ON",
+        )
+        for pragma in pragmas:
+            connection.execute(f"PRAGMA {pragma}")
+
+    event.listen(engine, "connect", prepare)
+    return engine

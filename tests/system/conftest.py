@@ -19,6 +19,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
     ports = free_ports(PORTS)
     extra = oracle_settings(ports)
     extra["vlm_gateway"] |= {"CACHE_MODE": "off"}
+    extra["sim"] |= {"SIM_LEASE_S": "600"}  # on a loaded machine a process takes more than a minute to be there again
     extra["orchestrator"] = {"RUNS_DIR": str(folder / "runs")}
     group = Processes(ports, folder / "logs", environment=process_environment(), extra=extra)
     try:

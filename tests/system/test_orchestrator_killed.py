@@ -73,5 +73,5 @@ def test_a_killed_orchestrator_carries_its_deliveries_on_where_they_were(
 @pytest.mark.slow
 @pytest.mark.timeout(7200)
 def test_a_hundred_kills_lose_no_delivery_and_double_none(orchestrator: OrchestratorProcess, runs: Path) -> None:
-    samples = ["villa-teddy-bear", "green-flower-pot", "tower-watering-can"] * 10
+    samples = ["villa-teddy-bear", "green-flower-pot", "tower-watering-can"] * 4
     fly_while_killed(orchestrator, runs, samples, 100, random.Random(1))

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 import os
 import signal
 import threading
@@ -18,6 +19,7 @@ from service_kit.addresses import PORTS
 from service_kit.settings import process_environment
 from tests.system.orchestrator_process import OrchestratorDoor, heard, without_clocks
 
+log = logging.getLogger(__name__)
 QUESTION = {"sample": "villa-teddy-bear", "backend": "oracle", "settings": {"image_size": 160}}
 HALT_S = 5.0
 
@@ -29,10 +31,11 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Processes]:
     ports = free_ports(PORTS)
     extra = oracle_settings(ports)
     extra["vlm_gateway"] |= {"CACHE_MODE": "off"}
+    extra["sim"] |= {"SIM_LEASE_S": "600"}  # on a loaded machine a process takes more than a minute to be there again
     extra["orchestrator"] = {"RUNS_DIR": str(folder / "runs"), "SERVICE_WITHIN_S": "120"}
     group = Processes(ports, folder / "logs", environment=process_environment(), extra=extra)
     loop = asyncio.new_event_loop()
-    supervisor = Supervisor(group, lambda _: None, RestartPolicy(longest_s=0.5, times=1000))
+    supervisor = Supervisor(group, lambda words: log.warning("%s", words), RestartPolicy(longest_s=0.5, times=1000))
 
     def keep() -> None:
         with contextlib.suppress(asyncio.CancelledError):

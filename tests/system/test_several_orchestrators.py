@@ -108,5 +108,5 @@ def test_a_database_that_breaks_off_every_connection_costs_no_delivery(
 def test_three_hundred_deliveries_and_a_hundred_kills_of_four_processes_lose_none_and_double_none(
     started: Callable[[int], list[OrchestratorProcess]],
 ) -> None:
-    questions = [SMALL if k % 10 == 0 else SHORT for k in range(300)]
+    questions = [SMALL if k % 5 == 0 else SHORT for k in range(300)]
     fly_while_killed(started(4), questions, 100, random.Random(1))

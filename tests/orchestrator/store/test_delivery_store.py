@@ -218,3 +218,16 @@ def test_a_database_of_a_newer_program_is_left_alone(database: Database) -> None
         connection.execute(schema_version.update().values(version=1000))
     with pytest.raises(BadSetting, match="run the newer program"):
         database._migrate()
+
+
+def test_in_sqlite_deliveries_are_synced_to_the_disk_at_every_commit_and_the_engines_notes_with_them(
+    tmp_path: Path,
+) -> None:
+    opened = Database(f"sqlite:///{tmp_path / 'deliveries.sqlite'}")
+    found = []
+    for engine in (opened.engine, opened.bookkeeping):
+        with engine.connect() as connection:
+            found.append(connection.exec_driver_sql("PRAGMA synchronous").scalar_one())
+    opened.close()
+    full, normal = 2, 1
+    assert found == [full, normal]
