@@ -19,6 +19,8 @@ from tests.conftest import free_port
 
 START_WITHIN_S = 180.0
 """A machine under load takes its time."""
+LISTEN_AGAIN_S = 0.5
+"""Many listeners who ask all the time leave an orchestrator that starts no processor."""
 
 
 class OrchestratorDoor:
@@ -126,7 +128,7 @@ def heard(orchestrator: OrchestratorDoor, name: str, after: int = 0, within_s: f
     give_up = time.monotonic() + within_s
     while not (events and events[-1].kind == "result") and time.monotonic() < give_up:
         events += orchestrator.events(name, after=events[-1].number if events else after)
-        time.sleep(0.05)
+        time.sleep(LISTEN_AGAIN_S)
     return events
 
 
