@@ -9,7 +9,6 @@ result.json      written last, in one piece: a folder without it is a delivery t
 summary.png      one picture for people
 """
 
-import fcntl
 import os
 import re
 import time
@@ -26,6 +25,7 @@ from contracts.events import Event, KnownEvent, MoveEvent, PlacedEvent, ResultEv
 from contracts.geometry import Point3, Pose
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, Phase
 from mission.state import MissionState
+from service_kit.file_lock import HeldElsewhere, hold
 
 W = TypeVar("W", bound=Wire)
 PICTURE_NAME = re.compile(r"[0-9]{4}_[a-z0-9_+-]{1,40}\.jpg")
@@ -189,14 +189,12 @@ def _locked(path: Path, mode: Literal["x", "a", "r"]) -> TextIO:
     OSError, BadRecord where somebody else writes it."""
     file = path.open(mode, encoding="utf-8")
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        hold(file)
+    except HeldElsewhere:
         file.close()
         raise BadRecord(
             f"{path.parent} is written by another process; wait until that has ended, or end it, and carry on then"
         ) from None
-    except OSError:  # a file system without locks
-        pass
     return file
 
 

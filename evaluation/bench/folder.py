@@ -10,7 +10,6 @@ episodes/ID/     the record of an episode, where pictures were asked for
 logs/            what the services said
 """
 
-import fcntl
 import json
 import os
 from collections.abc import Sequence
@@ -25,6 +24,7 @@ from evaluation.metrics.episode import EpisodeRecord
 from evaluation.task_set.task import Task
 from evaluation.task_set.task_files import BadTasks, TaskSet, packed, read
 from mission.record import write_whole
+from service_kit.file_lock import HeldElsewhere, hold
 
 _MAY_DIFFER = {"tasks", "workers", "versions", "renderer", "model"}
 """What may change from one session of a run to the next without changing what is flown: the checksum tells which set it
@@ -49,8 +49,8 @@ class RunFolder:
         except OSError as error:
             raise BadFolder(f"{path} can't be written: {error.strerror}") from None
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+            hold(self._lock)
+        except HeldElsewhere:
             self._lock.close()
             raise BadFolder(f"another process flies the run in {path}; wait for it, or choose another --out") from None
         try:

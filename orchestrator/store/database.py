@@ -1,6 +1,5 @@
 """The database of the orchestrators: an SQLite file that one of them has for itself, or PostgreSQL for several."""
 
-import fcntl
 from pathlib import Path
 from typing import Any, Literal, TextIO
 
@@ -9,6 +8,7 @@ from sqlalchemy import event
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from orchestrator.store.tables import MIGRATIONS, metadata, schema_version
+from service_kit.file_lock import HeldElsewhere, hold
 from service_kit.settings import BadSetting
 
 BUSY_S = 30
@@ -91,14 +91,12 @@ def _alone(file: Path) -> TextIO:
     except OSError as error:
         raise BadSetting(f"DATABASE_URL: {file}: {error.strerror}") from None
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        hold(lock)
+    except HeldElsewhere:
         lock.close()
         raise BadSetting(
             f"DATABASE_URL: another orchestrator uses {file}; end that one, or give several a PostgreSQL database"
         ) from None
-    except OSError:  # a file system without locks
-        pass
     return lock
 
 
