@@ -1,6 +1,6 @@
 """Settings in, the app out: the one place where the simulator's parts are chosen."""
 
-from functools import cache
+from pathlib import Path
 from threading import Lock, Thread
 
 from fastapi import FastAPI
@@ -11,6 +11,7 @@ from service_kit.settings import BadSetting, revealed
 from services.sim.app import build_app
 from services.sim.catalogue import build, poster_layers
 from services.sim.catalogue.extension import catalogue_with_extensions
+from services.sim.catalogue.folder import with_own_things
 from services.sim.episodes import Episodes
 from services.sim.geometry.scene_mesh import SceneMesh, build_scene_mesh
 from services.sim.geometry.textures import TextureSet, base_textures
@@ -21,8 +22,10 @@ from services.sim.settings import SimSettings
 
 
 def bootstrap(settings: SimSettings) -> FastAPI:
-    """The app. Raises BadSetting where OpenGL is asked for and can't be had, or an extension of the catalogue is no
-    good."""
+    """The app. Raises BadSetting where OpenGL is asked for and can't be had, or an extension of the catalogue or a
+    folder of things is no good."""
+    if settings.sim_things is not None:
+        _take_in(settings.sim_things)
     catalogue = catalogue_with_extensions(_textures)
     limits = Limits(
         max_episodes=settings.sim_max_episodes,
@@ -47,14 +50,19 @@ def build_scene(scene: Scene) -> SceneMesh:
 
 
 _drawing = Lock()
+_drawn: list[TextureSet] = []
+"""One set for all scenes: the renderer keeps its copy of it once."""
 
 
 def _textures() -> TextureSet:
     with _drawing:
-        return _drawn_textures()
+        if not _drawn:
+            _drawn.append(base_textures().with_pictures(poster_layers()))
+        return _drawn[0]
 
 
-@cache
-def _drawn_textures() -> TextureSet:
-    # one set for all scenes: the renderer keeps its copy of it once
-    return base_textures().with_pictures(poster_layers())
+def _take_in(folder: Path) -> None:
+    """Classes and textures of one's own, before the first scene is built. Raises BadSetting."""
+    textures = with_own_things(folder, _textures())
+    with _drawing:
+        _drawn[:] = [textures]

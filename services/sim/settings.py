@@ -1,5 +1,6 @@
 """The simulator's settings."""
 
+from pathlib import Path
 from typing import ClassVar, Literal
 
 from pydantic import Field
@@ -32,4 +33,7 @@ class SimSettings(ServiceSettings):
         3600.0, ge=1.0, le=MAX_LEASE_S, description="The longest lease that an episode may be begun with."
     )
     sim_kept_scenes: int = Field(4, ge=0, le=100, description="Built scenes kept in memory that no episode uses.")
+    sim_things: Path | None = Field(
+        None, description="A folder of object classes and textures of your own (docs/scenes.md)."
+    )
     sim_truth: bool = Field(False, description="Whether the oracle may ask what is really there.")

@@ -67,6 +67,14 @@ class TextureSet:
             np.concatenate([self.tile_m, np.ones(len(names), np.float32)]),
         )
 
+    def with_replaced(self, name: str, picture: Picture, tile_m: float) -> "TextureSet":
+        """Another picture, (H, W, 3) uint8 sRGB, in place of that layer's. Raises UnknownTexture."""
+        number = self.layer(name)
+        images, tiles = self.images.copy(), self.tile_m.copy()
+        images[number] = cv2.resize(picture, (SIZE, SIZE), interpolation=cv2.INTER_AREA)
+        tiles[number] = tile_m
+        return TextureSet(self.names, images, tiles)
+
 
 @cache
 def base_textures() -> TextureSet:
