@@ -30,8 +30,7 @@ from service_kit.metrics import HttpMetrics
 from service_kit.metrics_pages import MetricsPages
 from service_kit.requests import Origins
 from service_kit.workers import Worker
-from services.vlm_gateway.backends.base import Backend
-from services.vlm_gateway.backends.oracle import asked_vehicle
+from services.vlm_gateway.backends.base import Backend, asked_vehicle
 from services.vlm_gateway.cache.claims import Claims
 from services.vlm_gateway.chat.backend import ChatBackend
 from services.vlm_gateway.config import NO_LIMITS_SET, ChatLimits

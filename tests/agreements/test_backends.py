@@ -23,9 +23,10 @@ from services.vlm_gateway.backends.base import (
     ObjectAsk,
     Picture,
     Reply,
+    asked_vehicle,
 )
 from services.vlm_gateway.backends.embedded import EmbeddedBackend
-from services.vlm_gateway.backends.oracle import OracleBackend, asked_vehicle
+from services.vlm_gateway.backends.oracle import OracleBackend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from services.vlm_gateway.embedded.model import EmbeddedModel
 from services.vlm_gateway.model_configs import OracleModelConfig

@@ -4,6 +4,7 @@
 "no", "unreadable" and "refused" are replies.
 """
 
+from contextvars import ContextVar
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
@@ -15,6 +16,8 @@ T = TypeVar("T")
 Kind = BackendKind
 MAX_TEXT = 20_000
 NO_TOKENS = Tokens()
+asked_vehicle: ContextVar[str | None] = ContextVar("asked_vehicle", default=None)
+"""Whose pictures the question being answered is about; set where the question comes in, read by the oracle alone."""
 
 
 class Picture(NamedTuple):

@@ -5,7 +5,6 @@ between two identical questions.
 """
 
 import math
-from contextvars import ContextVar
 from typing import TypeVar
 
 from pydantic import BaseModel
@@ -28,6 +27,7 @@ from services.vlm_gateway.backends.base import (
     ObjectAsk,
     Reply,
     Sightings,
+    asked_vehicle,
 )
 from services.vlm_gateway.backends.noise import Count, Faults
 from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
@@ -38,8 +38,6 @@ WHOLE_COUNT, BUILDING_BOX, WHOLE_LOOK = "0", "1000", "2000"
 """Beside the views' directions: the faults of a question that is not about one view of a look."""
 FOCAL_PX, MAX_SIDE_PX = 400.0, 1600
 _ABOUT = 0.15
-asked_vehicle: ContextVar[str | None] = ContextVar("asked_vehicle", default=None)
-"""Whose pictures the question being answered is about; set where the question comes in, read here alone."""
 DECLINED = "declined, as the oracle's noise wants it"
 
 

@@ -1,5 +1,7 @@
 """The gateway as it ships: its own process, no configuration, the embedded model, an SQLite cache."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import httpx
@@ -25,3 +27,10 @@ def test_out_of_the_box_the_embedded_model_answers_all_four_questions(tmp_path: 
         assert [m["id"] for m in httpx.get(gateway.url + "/v1/models", timeout=60).json()["data"]] == ["embedded"]
         gateway.process.terminate()
         assert gateway.process.wait(20) in (0, -15)
+
+
+def test_a_gateway_to_models_only_loads_nothing_that_looks_at_pixels_or_asks_other_services() -> None:
+    heavy = "{'numpy', 'cv2', 'onnxruntime', 'aiohttp'}"
+    code = f"import sys, services.vlm_gateway.bootstrap; print(sorted({heavy} & sys.modules.keys()))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert loaded.stdout == "[]\n"

@@ -12,8 +12,8 @@ from contracts.geometry import Pose
 from contracts.vlm_gateway import MarkedPoint
 from service_kit.client import ServiceClient
 from service_kit.errors import BadQuestion
-from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk
-from services.vlm_gateway.backends.oracle import OracleBackend, asked_vehicle, end_of, sharp
+from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk, asked_vehicle
+from services.vlm_gateway.backends.oracle import OracleBackend, end_of, sharp
 from services.vlm_gateway.errors import ModelUnreachable
 from services.vlm_gateway.model_configs import OracleModelConfig
 from tests.cameras import square
