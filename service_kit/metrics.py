@@ -8,7 +8,7 @@ import time
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from itertools import accumulate
-from typing import Any
+from typing import Any, NamedTuple
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
@@ -18,31 +18,49 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 _BUCKETS = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.128, 0.256, 0.512, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 
+class Sum:
+    """One series of a counter."""
+
+    __slots__ = ("amount",)
+
+    def __init__(self) -> None:
+        self.amount = 0.0
+
+
 class Sums(Collector):
     """A counter: its series by their labels."""
 
     def __init__(self, name: str, about: str, labels: Sequence[str]) -> None:
         self._name, self._about, self._labels = name, about, labels
-        self._sums: dict[tuple[str, ...], float] = {}
+        self._sums: dict[tuple[str, ...], Sum] = {}
+
+    def series(self, *labels: str) -> Sum:
+        """The one of these labels, for whoever adds to it often."""
+        return self._sums.setdefault(labels, Sum())
 
     def add(self, *labels: str, amount: float = 1.0) -> None:
-        self._sums[labels] = self._sums.get(labels, 0.0) + amount
+        self.series(*labels).amount += amount
 
     def collect(self) -> Iterable[Metric]:
         family = CounterMetricFamily(self._name, self._about, labels=self._labels)
-        for labels, amount in list(self._sums.items()):
-            family.add_metric(labels, amount)
+        for labels, one in list(self._sums.items()):
+            family.add_metric(labels, one.amount)
         return [family]
 
 
-class _Spread:
-    """One histogram: how many values lie in each bucket, and their sum."""
+class Spread:
+    """One series of a histogram: how many values lie in each bucket, and their sum."""
 
-    __slots__ = ("counts", "sum")
+    __slots__ = ("_bounds", "counts", "sum")
 
-    def __init__(self, buckets: int) -> None:
-        self.counts = [0] * buckets
+    def __init__(self, bounds: Sequence[float]) -> None:
+        self._bounds = bounds
+        self.counts = [0] * (len(bounds) + 1)
         self.sum = 0.0
+
+    def add(self, value: float) -> None:
+        self.counts[bisect_left(self._bounds, value)] += 1
+        self.sum += value
 
 
 class Spreads(Collector):
@@ -52,14 +70,14 @@ class Spreads(Collector):
         self._name, self._about, self._labels = name, about, labels
         self._bounds = bounds
         self._shown = [*(str(float(bound)) for bound in bounds), "+Inf"]
-        self._spreads: dict[tuple[str, ...], _Spread] = {}
+        self._spreads: dict[tuple[str, ...], Spread] = {}
+
+    def series(self, *labels: str) -> Spread:
+        """The one of these labels, for whoever adds to it often."""
+        return self._spreads.setdefault(labels, Spread(self._bounds))
 
     def add(self, *labels: str, value: float) -> None:
-        spread = self._spreads.get(labels)
-        if spread is None:
-            spread = self._spreads[labels] = _Spread(len(self._shown))
-        spread.counts[bisect_left(self._bounds, value)] += 1
-        spread.sum += value
+        self.series(*labels).add(value)
 
     def collect(self) -> Iterable[Metric]:
         family = HistogramMetricFamily(self._name, self._about, labels=self._labels)
@@ -67,6 +85,13 @@ class Spreads(Collector):
             up_to = list(accumulate(spread.counts))
             family.add_metric(labels, list(zip(self._shown, up_to, strict=True)), spread.sum)
         return [family]
+
+
+class _Route(NamedTuple):
+    """The series of one route, method and status."""
+
+    requests: Sum
+    seconds: Spread
 
 
 class HttpMetrics(Collector):
@@ -78,8 +103,18 @@ class HttpMetrics(Collector):
         self.requests = Sums("http_requests", "Requests by route, method and status.", [*labels, "status"])
         self.seconds = Spreads("http_request_seconds", "Time to answer.", labels, _BUCKETS)
         self.in_flight = 0
+        self._routes: dict[tuple[str, str, int], _Route] = {}
         for figures in (self.requests, self.seconds, self):
             self.registry.register(figures)
+
+    def answered(self, route: str, method: str, status: int, took_s: float) -> None:
+        """A request has its answer."""
+        key = (route, method, status)
+        if (series := self._routes.get(key)) is None:
+            series = _Route(self.requests.series(route, method, str(status)), self.seconds.series(route, method))
+            self._routes[key] = series
+        series.requests.amount += 1.0
+        series.seconds.add(took_s)
 
     def collect(self) -> Iterable[Metric]:
         """What is no sum: how many requests are being answered."""
@@ -111,9 +146,7 @@ class MetricsMiddleware:
             await self._app(scope, receive, watched)
         finally:
             self._metrics.in_flight -= 1
-            route = route_name(scope)
-            self._metrics.requests.add(route, scope["method"], str(status))
-            self._metrics.seconds.add(route, scope["method"], value=time.perf_counter() - started)
+            self._metrics.answered(route_name(scope), scope["method"], status, time.perf_counter() - started)
 
 
 def route_name(scope: Scope) -> str:

@@ -5,17 +5,39 @@ Those of model calls carry OpenTelemetry's names (semantic conventions for gener
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from prometheus_client import CollectorRegistry
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from contracts.vlm_gateway import Tokens
-from service_kit.metrics import Spreads, Sums
+from service_kit.metrics import Spread, Spreads, Sum, Sums
 from services.vlm_gateway.upstream.replies import Spent
 
 _BUCKETS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0, 120.0)
 _TOKEN_BUCKETS = (1, 4, 16, 64, 256, 1024, 4096, 16_384, 65_536, 262_144, 1_048_576)
+
+
+class _Called(NamedTuple):
+    """The series of questions and chats that ended alike."""
+
+    calls: Sum
+    seconds: Spread
+
+
+class _Spent(NamedTuple):
+    """The series of what one key spends at one model."""
+
+    prompt: Sum
+    completion: Sum
+
+
+class _Counted(NamedTuple):
+    """The series of how long one model's requests and answers are."""
+
+    input: Spread
+    output: Spread
 
 
 class GatewayMetrics:
@@ -25,6 +47,9 @@ class GatewayMetrics:
     def __init__(self, registry: CollectorRegistry) -> None:
         labels = ["role", "backend", "model"]
         self._registry = registry
+        self._called: dict[tuple[str, str, str, str, str], _Called] = {}
+        self._spent: dict[tuple[str, str], _Spent] = {}
+        self._counted: dict[tuple[str, str], _Counted] = {}
         self._calls = self._counter("calls", "Questions and chats by outcome.", [*labels, "outcome", "cache"])
         self._seconds = self._spread("vlm_gateway_call_seconds", "Time to an answer.", [*labels, "cache"], _BUCKETS)
         self._tokens = self._counter("tokens", "Tokens spent, cache hits not counted.", ["model", "key", "kind"])
@@ -47,13 +72,20 @@ class GatewayMetrics:
 
     def called(self, role: str, backend: str, model: str, outcome: str, cache: str, seconds: float) -> None:
         """A question or chat has its answer."""
-        self._calls.add(role, backend, model, outcome, cache)
-        self._seconds.add(role, backend, model, cache, value=seconds)
+        key = (role, backend, model, outcome, cache)
+        if (series := self._called.get(key)) is None:
+            series = _Called(self._calls.series(*key), self._seconds.series(role, backend, model, cache))
+            self._called[key] = series
+        series.calls.amount += 1.0
+        series.seconds.add(seconds)
 
     def spent(self, model: str, key: str, tokens: Spent, nano_usd: int) -> None:
         """A call was paid for by this key."""
-        self._tokens.add(model, key, "prompt", amount=tokens.prompt)
-        self._tokens.add(model, key, "completion", amount=tokens.completion)
+        if (series := self._spent.get((model, key))) is None:
+            sums = self._tokens.series(model, key, "prompt"), self._tokens.series(model, key, "completion")
+            series = self._spent[model, key] = _Spent(*sums)
+        series.prompt.amount += tokens.prompt
+        series.completion.amount += tokens.completion
         if nano_usd:
             self._usd.add(model, key, amount=nano_usd / 1e9)
 
@@ -66,9 +98,13 @@ class GatewayMetrics:
     ) -> None:
         """A call to a model ended; `error` is the code of what went wrong."""
         self._duration.add("chat", provider, model, error, value=seconds)
-        if tokens is not None:
-            self._usage.add("chat", provider, model, "input", value=tokens.prompt)
-            self._usage.add("chat", provider, model, "output", value=tokens.completion)
+        if tokens is None:
+            return
+        if (series := self._counted.get((provider, model))) is None:
+            spreads = (self._usage.series("chat", provider, model, way) for way in ("input", "output"))
+            series = self._counted[provider, model] = _Counted(*spreads)
+        series.input.add(tokens.prompt)
+        series.output.add(tokens.completion)
 
     def cache_failed(self, operation: str, kind: str) -> None:
         self._cache_failures.add(operation, kind)

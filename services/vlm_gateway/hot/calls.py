@@ -124,7 +124,8 @@ class Models:
 
     def chat(self, scanned: Scanned, chat: Chat, key: Key, trace: bytes | None, digest: str) -> ModelRequest:
         """What is to be asked for a chat. Raises NotFound, Forbidden or BadQuestion."""
-        estimate = estimated(len(scanned.skeleton), len(scanned.pictures), chat.max_tokens)
+        limit = chat.max_tokens
+        estimate = estimated(len(scanned.skeleton), len(scanned.pictures), limit)
         return ModelRequest(
             self.asked(chat, key),
             CHAT,
@@ -133,7 +134,7 @@ class Models:
             trace,
             digest,
             chat.wants_usage,
-            chat.limits_length,
+            limit is not None,
             chat.pictures,
         )
 

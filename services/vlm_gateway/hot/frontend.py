@@ -292,8 +292,7 @@ class Frontend:
         took_s = exchange.took_s()
         exchange.end_span()
         path, form = exchange.route.path, exchange.route.form
-        self._http.requests.add(path, "POST", str(exchange.status))
-        self._http.seconds.add(path, "POST", value=took_s)
+        self._http.answered(path, "POST", exchange.status, took_s)
         if exchange.alias:
             self._metrics.called(form.name, "chat", exchange.alias, exchange.outcome, exchange.cache, took_s)
         if self._log.wants(exchange.status):

@@ -53,7 +53,7 @@ DROPPED = frozenset(
 """Taken, so that clients work unchanged, but not passed on: they tell the server about the caller or ask for more than
 one answer."""
 _KNOWN = PASSED | DROPPED | {"model", "stream"}
-_ROLES = frozenset({"system", "developer", "user", "assistant", "tool", "function"})
+_ROLES = ("user", "assistant", "system", "tool", "developer", "function")  # no set: what comes may be no text
 MAX_ALIAS = 128
 _RANGES = {"temperature": (0, 2), "top_p": (0, 1), "presence_penalty": (-2, 2), "frequency_penalty": (-2, 2)}
 _BOUNDED = frozenset({*_RANGES, "max_tokens", "max_completion_tokens"})
@@ -80,11 +80,6 @@ class Chat(NamedTuple):
         limit = self.body.get("max_completion_tokens")
         limit = self.body.get("max_tokens") if limit is None else limit
         return limit if isinstance(limit, int) else None
-
-    @property
-    def limits_length(self) -> bool:
-        """Whether an answer that is cut is what was asked for."""
-        return self.max_tokens is not None
 
     @property
     def wants_usage(self) -> bool:

@@ -94,6 +94,7 @@ REFUSED = [
     ("endless answers", chat(max_tokens=10_000_000), "invalid"),
     ("no messages", chat(messages=[]), "invalid"),
     ("a wild role", chat(messages=[{"role": "root", "content": "x"}]), "invalid"),
+    ("a role that is no text", chat(messages=[{"role": ["user"], "content": "x"}]), "invalid"),
     (
         "a wild part",
         chat(messages=[{"role": "user", "content": [{"type": "hologram", "hologram": {"depth": 3}}]}]),
