@@ -24,6 +24,7 @@ export function makeFleet() {
   async function refresh() {
     const overview = await get(`/v1/overview?${list.query()}`);
     heard = overview.time;
+    node.classList.toggle("alone", overview.vehicles.length === 0);
     for (const part of [list, streets, vehicles, alerts]) part.draw(overview);
     tell();
   }

@@ -40,14 +40,14 @@ def test_the_list_is_filtered_searched_and_continued(house: House, open_page: Op
 
 
 def test_a_drone_in_the_air_glides_on_the_map_and_on_its_own_page(house: House, open_page: OpenPage) -> None:
-    house.world.pace = 1.0
+    house.world.pace = 0.5
     name = house.order()
     until(house.client, name, "flying")
     page = open_page(house.url)
     drone = page.locator(f'[data-delivery="{name}"]')
     expect(drone).to_have_attribute("transform", re.compile("translate"))
     places: set[str | None] = set()
-    give_up = time.monotonic() + 30
+    give_up = time.monotonic() + 100
     while len(places) < 20 and time.monotonic() < give_up:  # it looks round between two flights
         page.wait_for_timeout(40)
         places.add(drone.get_attribute("transform"))
