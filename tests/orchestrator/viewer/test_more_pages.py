@@ -54,7 +54,7 @@ def test_a_drone_in_the_air_glides_on_the_map_and_on_its_own_page(house: House, 
     assert len(places) == 20, "it stands, or jumps"
     page.goto(f"{house.url}/#/delivery/{name}")
     expect(page.locator(".where")).to_contain_text("live")
-    expect(page.get_by_role("button", name="live")).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_role("button", name="live", exact=True)).to_have_attribute("aria-pressed", "true")
     house.world.pace = 0.0
     house.client.delete(f"/v1/deliveries/{name}")
     expect(page.locator(".actions .badge")).to_have_text(re.compile("cancelled|delivered|wrong window"))
