@@ -7,15 +7,15 @@ client raises leaves as Unavailable.
 import logging
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
 from threading import Lock
 from time import monotonic
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service_kit.errors import BadQuestion, Unavailable
+from services.carla_world.eyes import Eye, Lens, destroy, pixels_of, shows
 from services.carla_world.frames import Placed
 
 log = logging.getLogger("carla_world.client")
@@ -24,13 +24,11 @@ RELEASE = "0.9.16"
 """Before it, cameras that move are shown from where they were a frame ago."""
 OURS = "logisticsvln"
 """The role of our actors, by which those of a service that was killed are found again."""
-SAME_PLACE_M, SAME_DIRECTION = 0.01, 0.001
 FIRST_PICTURE_S = 0.5
 CATCH_UP_TICKS = 5
 """Within so many ticks a camera's picture must show its place."""
 SHARP = {"motion_blur_intensity": "0.0", "motion_blur_max_distortion": "0.0"}
 """A camera that jumps does not smear its picture."""
-Kind = Literal["rgb", "depth"]
 
 
 class Server(NamedTuple):
@@ -45,49 +43,6 @@ class Server(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.host}:{self.port}"
-
-
-class Lens(NamedTuple):
-    """A camera of square pixels with its principal point in the picture's middle."""
-
-    kind: Kind
-    width: int
-    height: int
-    fov_deg: float
-
-
-class Eye:
-    """A camera in CARLA's world."""
-
-    def __init__(self, actor: Any, lens: Lens) -> None:
-        self.actor = actor
-        self.lens = lens
-        self._images: SimpleQueue[Any] = SimpleQueue()
-        self._open = False
-
-    def listen(self) -> None:
-        self.actor.listen(self._images.put)
-
-    def opens_within(self, seconds: float) -> bool:
-        """Whether it has sent a picture by then."""
-        if not self._open:
-            with suppress(Empty):
-                self._images.get(timeout=seconds)
-                self._open = True
-        return self._open
-
-    def image_of(self, frame: int, within_s: float) -> Any:
-        """Its picture of that tick. Raises Unavailable where none comes."""
-        give_up = monotonic() + within_s
-        while True:
-            try:
-                image = self._images.get(timeout=max(0.0, give_up - monotonic()))
-            except Empty:
-                raise Unavailable(
-                    f"CARLA sent no {self.lens.kind} picture of tick {frame} within {within_s:g} s", code="no_picture"
-                ) from None
-            if image.frame >= frame:
-                return image
 
 
 class CarlaClient:
@@ -143,7 +98,8 @@ class CarlaClient:
     def open_eyes(self, lenses: Sequence[Lens]) -> list[Eye]:
         """Cameras, wherever, once each has sent its first picture. Raises Unavailable."""
         with self._lock, self._reached():
-            eyes = [self._spawned(lens) for lens in lenses]
+            world = self._in_world()
+            eyes = [self._spawned(world, lens) for lens in lenses]
             for eye in eyes:
                 eye.listen()
             give_up = monotonic() + self.server.timeout_s
@@ -153,35 +109,42 @@ class CarlaClient:
                         f"CARLA sent no picture within {self.server.timeout_s:g} s of a camera's start",
                         code="no_picture",
                     )
-                self._world.tick(self.server.timeout_s)
+                world.tick(self.server.timeout_s)
             return eyes
 
     def put_up(self, blueprint_name: str, attributes: Mapping[str, str], placed: Placed) -> tuple[float, float, float]:
         """A prop; where the middle of it is against its own origin, in CARLA's frame. Raises BadQuestion or
         Unavailable."""
         with self._lock, self._reached():
+            world = self._in_world()
             try:
-                blueprint = self._world.get_blueprint_library().find(blueprint_name)
+                blueprint = world.get_blueprint_library().find(blueprint_name)
                 for name, value in ({"role_name": OURS} | dict(attributes)).items():
                     if name in attributes or blueprint.has_attribute(name):
                         blueprint.set_attribute(name, value)
             except (IndexError, ValueError) as error:
                 raise BadQuestion(f"CARLA can't put up {blueprint_name}: {error}", code="bad_carla_scene") from None
-            actor = self._world.spawn_actor(blueprint, self._transform(placed))
+            actor = world.spawn_actor(blueprint, self._transform(placed))
             middle = actor.bounding_box.location
             return middle.x, middle.y, middle.z
 
     def close_eyes(self, eyes: Sequence[Eye]) -> None:
-        """They are gone; so are they where CARLA does not answer."""
+        """They are taken away. Those of a connection that was lost go with their map, which is loaded anew."""
         with self._lock, suppress(Unavailable), self._reached():
             for eye in eyes:
-                eye.actor.stop()
-                eye.actor.destroy()
+                if eye.world is self._world:
+                    eye.actor.stop()
+                    destroy(eye.actor)
 
     def take(self, eyes: Sequence[Eye], places: Sequence[Placed], *, settled: bool) -> list[NDArray[np.uint8]]:
         """(H, W, 4) each, blue first: what the cameras see from there at one tick. `settled`: after the ticks that
         pictures need; depth needs none. Raises Unavailable."""
         with self._lock, self._reached():
+            if any(eye.world is not self._world for eye in eyes):
+                raise Unavailable(
+                    "CARLA was lost since this episode was begun, and its world with it; begin another episode",
+                    code="world_lost",
+                )
             wanted = [self._transform(place) for place in places]
             for eye, transform in zip(eyes, wanted, strict=True):
                 eye.actor.set_transform(transform)
@@ -190,15 +153,21 @@ class CarlaClient:
             for _ in range(CATCH_UP_TICKS):
                 frame = self._world.tick(self.server.timeout_s)
                 images = [eye.image_of(frame, self.server.timeout_s) for eye in eyes]
-                if all(_shows(image, frame, transform) for image, transform in zip(images, wanted, strict=True)):
-                    return [_pixels(image) for image in images]
+                if all(shows(image, frame, transform) for image, transform in zip(images, wanted, strict=True)):
+                    return [pixels_of(image) for image in images]
         raise Unavailable(
             f"CARLA's cameras did not show where they were put within {CATCH_UP_TICKS} ticks; CARLA {RELEASE} does",
             code="late_pictures",
         )
 
-    def _spawned(self, lens: Lens) -> Eye:
-        blueprint = self._world.get_blueprint_library().find(f"sensor.camera.{lens.kind}")
+    def _in_world(self) -> Any:
+        """The world that was entered. Raises Unavailable where it was lost since."""
+        if self._world is None:
+            raise Unavailable(f"CARLA at {self.server} was lost meanwhile; try again", code="world_lost")
+        return self._world
+
+    def _spawned(self, world: Any, lens: Lens) -> Eye:
+        blueprint = world.get_blueprint_library().find(f"sensor.camera.{lens.kind}")
         given = {
             "image_size_x": str(lens.width),
             "image_size_y": str(lens.height),
@@ -209,7 +178,7 @@ class CarlaClient:
         for name, value in (given | SHARP).items():
             if blueprint.has_attribute(name):
                 blueprint.set_attribute(name, value)
-        return Eye(self._world.spawn_actor(blueprint, self._transform(Placed(0.0, 0.0, 0.0))), lens)
+        return Eye(world.spawn_actor(blueprint, self._transform(Placed(0.0, 0.0, 0.0))), lens, world)
 
     def _connected(self) -> Any:
         """The client. Raises Unavailable where the package is missing or CARLA is of another release."""
@@ -254,7 +223,7 @@ class CarlaClient:
         self._world.tick(self.server.timeout_s)
         for actor in self._world.get_actors():
             if actor.attributes.get("role_name") == OURS:
-                actor.destroy()
+                destroy(actor)
 
     def _weather(self, preset: str | None) -> Any:
         if preset is None:
@@ -282,18 +251,3 @@ class CarlaClient:
             log.warning("CARLA at %s: %s", self.server, error)
             self._forget()
             raise Unavailable(f"CARLA at {self.server} does not answer as it should: {error}", code="carla") from None
-
-
-def _shows(image: Any, frame: int, wanted: Any) -> bool:
-    """Whether the picture is of that tick and taken from that transform. Directions are compared and not angles, of
-    which straight up and down have many."""
-    at = image.transform
-    ahead = at.get_forward_vector().distance(wanted.get_forward_vector())
-    upwards = at.get_up_vector().distance(wanted.get_up_vector())
-    placed = bool(at.location.distance(wanted.location) <= SAME_PLACE_M)
-    return placed and bool(image.frame == frame) and bool(max(ahead, upwards) <= SAME_DIRECTION)
-
-
-def _pixels(image: Any) -> NDArray[np.uint8]:
-    pixels = np.frombuffer(image.raw_data, np.uint8)
-    return pixels.reshape(image.height, image.width, 4).copy()

@@ -17,8 +17,9 @@ from episode_kit.cameras import chosen_cameras
 from episode_kit.episode import FlyingEpisode
 from episode_kit.kinematics import Vector
 from service_kit.errors import BadQuestion
-from services.carla_world.client import CarlaClient, Eye, Kind, Lens
+from services.carla_world.client import CarlaClient
 from services.carla_world.depth import decoded_depth
+from services.carla_world.eyes import Eye, Kind, Lens
 from services.carla_world.frames import Origin, camera_place, looking_along
 from services.carla_world.sweep import PROBE_PX
 

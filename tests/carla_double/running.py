@@ -44,7 +44,7 @@ def running_double(
     loop = asyncio.new_event_loop()
     thread = Thread(target=loop.run_forever, name="carla-double", daemon=True)
     thread.start()
-    double = RunningDouble(simulation, loop, port or _two_free_ports())
+    double = RunningDouble(simulation, loop, port or two_free_ports())
     try:
         double.run(simulation.start(HOST, double.port))
         yield double
@@ -56,7 +56,7 @@ def running_double(
         renderer.close()
 
 
-def _two_free_ports() -> int:
+def two_free_ports() -> int:
     """The first of two that follow each other."""
     while True:
         with socket.socket() as first, socket.socket() as second:

@@ -38,6 +38,7 @@ CAMERAS = {"sensor.camera.rgb": RGB_CAMERA, "sensor.camera.depth": DEPTH_CAMERA}
 PROPS = {"static.prop.plantpot04": ("flower_pot", "green"), "static.prop.wateringcan": ("watering_can", "red")}
 """Blueprints of props, and what of our catalogue is drawn for them."""
 _DESTROY, _TRANSFORM = 1, 6
+_BOX = 3
 _SYNCHRONOUS, _DELTA = 0, 2
 _LENS = (
     Attribute("image_size_x", INT, "800"),
@@ -157,6 +158,7 @@ class Simulation:
             "set_weather_parameters": self._set_weather,
             "get_actor_definitions": self._value(_definitions),
             "get_actors_by_id": self._actors_by_id,
+            "get_actor_bounding_box": self._bounding_box,
             "spawn_actor": self._spawn,
             "set_actor_transform": self._move,
             "destroy_actor": self._destroy,
@@ -204,6 +206,11 @@ class Simulation:
 
     async def _actors_by_id(self, numbers: list[int]) -> list[Any]:
         return [self.actors[number].record for number in numbers if number in self.actors]
+
+    async def _bounding_box(self, number: int) -> Any:
+        if number not in self.actors:
+            raise Refusal(f"unable to get actor bounding box: actor not found: {number}")
+        return self.actors[number].record[_BOX]
 
     async def _spawn(self, description: list[Any], transform: list[list[float]]) -> list[Any]:
         blueprint, at = description[1], transform_of(transform)
