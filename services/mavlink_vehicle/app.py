@@ -25,7 +25,7 @@ from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, Unavail
 from service_kit.leaving import while_asked
 from services.mavlink_vehicle.cameras.filmed import FilmedCameras
 from services.mavlink_vehicle.link import Link
-from services.mavlink_vehicle.release import AfterMission, release
+from services.mavlink_vehicle.release import AfterMission, Release
 from services.mavlink_vehicle.trial import Trials
 from services.mavlink_vehicle.vehicle import Vehicle
 
@@ -50,7 +50,7 @@ def build_app(
 ) -> FastAPI:
     """`trials`: where a simulator draws; `filmed`: where the vehicle has cameras of its own. Listens to the autopilot
     while the app is up."""
-    link = vehicle.drone.link
+    link, release = vehicle.drone.link, Release(vehicle, after_mission)
     checks: dict[str, Check] = {"autopilot": lambda: _ready(link)}
     checks |= {"sim": trials.simulator_usable} if trials is not None else {}
     checks |= {"cameras": filmed.problem} if filmed is not None else {}
@@ -68,6 +68,7 @@ def build_app(
         await asyncio.gather(*tasks, return_exceptions=True)
         if trials is not None:
             await trials.close()
+        await release.close()
         await vehicle.close()
         await link.close()
         if filmed is not None:
@@ -86,7 +87,7 @@ def build_app(
     @app.delete(OWN, status_code=204)
     async def release_vehicle() -> None:
         """The mission needs it no more; what it does then is a setting."""
-        await release(vehicle, after_mission)
+        await release.begin()
 
     if trials is not None:
         _add_vehicle_routes(app, OF_TRIAL, lambda request: trials.found(request.path_params["episode_id"]))

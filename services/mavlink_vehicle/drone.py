@@ -34,6 +34,7 @@ SLOW_M_S = 0.35
 STOPS_WITHIN_S = 6.0
 LONGEST_WAY_S = 600.0
 ARMABLE_WITHIN_S = 8.0
+NOT_TO_BE_ARMED = ("land", "return_to_launch", "mission")
 CALM_S = 0.3
 
 
@@ -87,8 +88,10 @@ class Drone:
             # its take-off is one of GUIDED, and a set-point on the ground would end it
             self.set_points.stop()
             await self.link.take_set_points()
-        elif not await self._until(lambda: self.telemetry.armable is not False, ARMABLE_WITHIN_S):
-            # without a stick some modes can't be armed in; holding can
+        elif self.telemetry.mode in NOT_TO_BE_ARMED or not await self._until(
+            lambda: self.telemetry.armable is not False, ARMABLE_WITHIN_S
+        ):
+            # without a stick, and after a landing, some modes can't be armed in; holding can
             with suppress(CommandRefused):
                 await self.link.hold()
         await self._until(lambda: self.telemetry.armable is not False, ARMABLE_WITHIN_S)

@@ -9,6 +9,7 @@ import json
 import logging
 from collections.abc import Awaitable
 from contextlib import suppress
+from functools import cache
 from typing import Any, Literal, TypeVar
 
 from mavsdk.asyncio import Autopilot as Firmwares
@@ -74,7 +75,7 @@ class Link:
     async def start(self) -> None:
         """Listens from now on; an autopilot may come whenever it likes. Raises LinkLost for an address that can't be
         listened at."""
-        log_subscribe(_logged)
+        _log_here()
         # as a ground station: PX4 does not arm without one, and this one is there as long as the mission may fly
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
         try:
@@ -200,6 +201,12 @@ class Link:
         listener = Listener(said, self.telemetry)
         self._tasks += [asyncio.create_task(run) for run in listener.streams()]
         self._tasks.append(asyncio.create_task(listener.ask_for_streams(self._called)))
+
+
+@cache
+def _log_here() -> None:
+    """Once in a process: a second subscription frees the first one under the threads that call it."""
+    log_subscribe(_logged)
 
 
 def _logged(level: LogLevel, message: str, file: str | None, line: int) -> bool:

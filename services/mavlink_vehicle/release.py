@@ -11,29 +11,40 @@ from services.mavlink_vehicle.vehicle import Vehicle
 log = logging.getLogger("mavlink_vehicle.release")
 
 AfterMission = Literal["hold", "return", "land"]
-_GOING: set[asyncio.Task[None]] = set()
 
 
-async def release(vehicle: Vehicle, after: AfterMission) -> None:
-    """Whatever is under way is stopped. The flight home or down is begun, not waited for."""
-    drone = vehicle.drone
-    if drone.telemetry.in_air and drone.control.in_hand() != "taken" and after != "hold":
-        going = asyncio.create_task(_go(vehicle, after))
-        _GOING.add(going)
-        going.add_done_callback(_GOING.discard)
-        return
-    try:
-        await drone.leave()
-    except (CommandRefused, LinkLost) as error:
-        log.warning("it is not told to hold by itself: %s", error)
-    vehicle.begin(vehicle.task)
+class Release:
+    """Of one vehicle. The flight home or down is begun, not waited for."""
 
+    def __init__(self, vehicle: Vehicle, after: AfterMission) -> None:
+        self._vehicle = vehicle
+        self._after = after
+        self._going: asyncio.Task[None] | None = None
 
-async def _go(vehicle: Vehicle, after: AfterMission) -> None:
-    try:
-        if after == "return":
-            await vehicle.return_home()
-        await vehicle.land()
-        vehicle.begin(vehicle.task)
-    except ServiceError as error:
-        log.warning("after the mission: %s", error)
+    async def begin(self) -> None:
+        """A mission needs the vehicle no more; asking again does no harm."""
+        drone = self._vehicle.drone
+        if self._going is not None and not self._going.done():
+            return
+        if drone.telemetry.in_air and drone.control.in_hand() != "taken" and self._after != "hold":
+            self._going = asyncio.create_task(self._go())
+            return
+        try:
+            await drone.leave()
+        except (CommandRefused, LinkLost) as error:
+            log.warning("it is not told to hold by itself: %s", error)
+        self._vehicle.begin(self._vehicle.task)
+
+    async def close(self) -> None:
+        if self._going is not None:
+            self._going.cancel()
+
+    async def _go(self) -> None:
+        vehicle = self._vehicle
+        try:
+            if self._after == "return":
+                await vehicle.return_home()
+            await vehicle.land()
+            vehicle.begin(vehicle.task)
+        except ServiceError as error:
+            log.warning("after the mission: %s", error)

@@ -179,11 +179,11 @@ class Trials:
         if self._landing is not None:
             await asyncio.wait({self._landing})
         drone = self._vehicle.drone
+        drone.control.leave()  # whatever went wrong in a mission before is over, unless a pilot flies it still
         if drone.telemetry.in_air:
             await self._landed(tries=1)
         if drone.telemetry.in_air:
             raise Unavailable("the vehicle is in the air, and does not land; land it", code="in_the_air")
-        drone.control.leave()
         try:
             await drone.ready()
         except (CommandRefused, LinkLost, Interrupted) as error:
