@@ -75,7 +75,8 @@ class RunFolder:
         foreign = next((name for name in self.records if name not in self.tasks), None)
         if foreign is not None:
             raise BadFolder(f"{self.path} holds a result of task {foreign}, which is not part of this run")
-        self._results = (self.path / "results.jsonl").open("ab")
+        # unbuffered: what a full disk did not take is not tried again when the file is closed
+        self._results = (self.path / "results.jsonl").open("ab", buffering=0)
         self._wall_before_s = read_wall_s(self.path)
 
     def _forget_infrastructure(self) -> None:
@@ -97,8 +98,9 @@ class RunFolder:
         Raises ValueError for a task that has a result."""
         if record.task in self.records:
             raise ValueError(f"task {record.task} has a result already")
-        self._results.write(record.model_dump_json().encode() + b"\n")
-        self._results.flush()
+        line = memoryview(record.model_dump_json().encode() + b"\n")
+        while line:
+            line = line[self._results.write(line) :]
         os.fsync(self._results.fileno())
         self.records[record.task] = record
         self.note_wall(session_s)

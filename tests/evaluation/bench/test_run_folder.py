@@ -1,5 +1,7 @@
 """A run's folder: results land whole, a killed run goes on, and nothing is lost, doubled or mixed up."""
 
+import multiprocessing
+import resource
 from pathlib import Path
 
 import pytest
@@ -10,7 +12,7 @@ from evaluation.bench.run_settings import RunSettings
 from evaluation.bench.table import row, write_parquet
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.task_set.task import Task
-from tests.evaluation.evaluation_kit import a_result, a_task
+from tests.evaluation.evaluation_kit import a_record, a_result, a_task, delivered, run_settings
 
 TASKS = [a_task(f"t-{n}") for n in range(1, 5)]
 
@@ -143,3 +145,23 @@ def test_the_table_has_a_row_for_a_broken_episode_too(tmp_path: Path) -> None:
     # a column without any value keeps its type, so that tables of two runs can be put together
     assert write_parquet(tmp_path / "one.parquet", tasks, [broken])
     assert pq.read_schema(tmp_path / "one.parquet") == pq.read_schema(tmp_path / "r.parquet")
+
+
+def _add_on_a_full_disk(path: Path) -> None:
+    """In a process of its own, whose files may not grow beyond what the folder needs to begin."""
+    tasks = [a_task("t-1")]
+    with RunFolder(path, run_settings(tasks), tasks) as folder:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
+        with pytest.raises(OSError, match="File too large"):
+            folder.add(a_record(tasks[0], delivered()), 1.0)
+
+
+def test_a_result_that_a_full_disk_did_not_take_is_pending_and_closing_says_nothing_more(tmp_path: Path) -> None:
+    child = multiprocessing.get_context("fork").Process(target=_add_on_a_full_disk, args=(tmp_path / "run",))
+    child.start()
+    child.join(60)
+    assert child.exitcode == 0
+    tasks = [a_task("t-1")]
+    assert 0 < (tmp_path / "run" / "results.jsonl").stat().st_size <= 200
+    with RunFolder(tmp_path / "run", run_settings(tasks), tasks) as folder:
+        assert [task.id for task in folder.pending] == ["t-1"]
