@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from navigation import corner as corners
+from navigation import opening as openings
 from navigation import target as targets
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
@@ -43,6 +44,7 @@ class ApproachParameters(NamedTuple):
     aside_out_m: tuple[float, ...] = (3.0, 4.5, 6.0)
     target: targets.TargetParameters = targets.TargetParameters()
     corner: corners.CornerParameters = corners.CornerParameters()
+    opening: openings.OpeningParameters = openings.OpeningParameters()
 
 
 class Approach(NamedTuple):
@@ -102,7 +104,8 @@ def plan_approach(
 
 def stop_place(target: Target, points: Points, pose: Pose, settings: ApproachParameters) -> Place:
     """Where the drone stops: in front of the thing along the facade's normal, clear of what juts out beside it; in an
-    inner corner as far aside as keeps it nearer to the thing's own wall than to the other.
+    inner corner as far aside as keeps it nearer to the thing's own wall than to the other, on the wall between two
+    openings a little towards the nearer one.
 
     points: (N, 3) ENU.
     """
@@ -115,8 +118,9 @@ def stop_place(target: Target, points: Points, pose: Pose, settings: ApproachPar
     aside = corners.stop_beside_corner(target, points, z, settings.stop_distance_m, room_m, settings.corner)
     if aside is not None:
         return aside
-    out = max(settings.stop_distance_m, room_m(target._replace(place=target.place._replace(z=z))))
-    return Place(target.place.x + target.normal[0] * out, target.place.y + target.normal[1] * out, z)
+    before = openings.stop_towards_opening(target, points, pose, settings.opening)
+    out = max(settings.stop_distance_m, room_m(target._replace(place=before._replace(z=z))))
+    return Place(before.x + target.normal[0] * out, before.y + target.normal[1] * out, z)
 
 
 def free_along(points: Points, start: Place, end: Place, settings: ApproachParameters) -> float:

@@ -4,11 +4,13 @@ A candidate becomes confirmed when a look on the way sees it again, surely enoug
 until the stop is reached, the last metre with less clearance where a balcony keeps the drone off.
 """
 
+import math
 from typing import NamedTuple
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ApproachSettings
 from contracts.event_data import ApproachData, LostData
-from contracts.geometry import Box
+from contracts.geometry import Box, Point3
+from contracts.sim import SUCCESS_ASIDE_DEG
 from mission.looks import Look, Sight
 from mission.places import distance_m, point_of, yaw_towards
 from mission.sighting import project
@@ -41,6 +43,8 @@ STILL_NEAR_M = 1.3
 TIGHT_CLEARANCE_M = 0.25
 MAX_ASIDES = 2
 """How often a thing that no way leads to is looked at from another side before the search goes on."""
+MISPLACED_M = 0.15
+"""So far off where it should be, as seen from there, the stop is put right before the claim."""
 
 REFUSED = "the flight guard refused the way there"
 
@@ -152,12 +156,26 @@ async def _confirmed(
         return await _next_leg(step, approach, leg, look, sight, box)
     far = distance_m(look.pose, approach.last.place)
     if far <= _near_enough_m(step, leg):
-        return ClaimWindow(place=approach.last.place)
+        return await _claim_from(step, approach, leg, look, sight, box)
     if leg is SqueezeIn:
         why = f"leg {approach.legs}: no way nearer than {far:.1f} m from this side"
         return _give_up(step, approach, why, blocked=True)
     # a balcony or eaves beside the window kept the drone off: in still air less room will do for the last metre
     return await _next_leg(step, approach, SqueezeIn, look, sight, box)
+
+
+async def _claim_from(step: Step, approach: Approach, leg: Leg, look: Look, sight: Sight, box: Box) -> AfterLook:
+    """The claim at the stop, after a last flight to where the stop should be as it shows from there: face to face both
+    windows beside a thing on the wall are seen, and flat things are placed better than from aside. A stop that turns
+    out not to be before the facade is none. Raises PortError."""
+    place = approach.last.place
+    way = await _way(step, look, sight, box, distance_m(look.pose, place), leg)
+    if not _is_in_front(look, place, way):
+        return _give_up(step, approach, "the stop is not before the thing's facade", blocked=True)
+    reached = way.stop if way.status == "clear" and way.reached else None
+    if reached is not None and MISPLACED_M < distance_m(look.pose, reached) <= NEAR_ENOUGH_M:
+        step.plan_flight(way.path, way.facing_yaw, "to where the stop should be, as seen from here")
+    return ClaimWindow(place=place)
 
 
 async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight: Sight, box: Box) -> AfterLook:
@@ -169,7 +187,7 @@ async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight:
     far = distance_m(look.pose, place)
     way = await _way(step, look, sight, box, far, leg)
     if way.status != "clear":
-        if leg is not CheckCandidate and far <= _near_enough_m(step, leg):
+        if leg is not CheckCandidate and far <= _near_enough_m(step, leg) and _is_in_front(look, place, way):
             return ClaimWindow(place=place)
         if not way.aside or approach.asides >= MAX_ASIDES:
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
@@ -181,6 +199,14 @@ async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight:
     step.plan_flight(path, yaw, f"leg {number} of the approach" + (", to another side of it" if way.aside else ""))
     flown = {"legs": number, "reaches_stop": way.reached, "goes_aside": bool(way.aside)}
     return leg(approach=approach.model_copy(update=flown))
+
+
+def _is_in_front(look: Look, place: Point3, way: ApproachAnswer) -> bool:
+    """Does the drone stand before the thing's facade, as far as depth shows how that stands?"""
+    if way.facing_yaw is None:
+        return True
+    aside = math.remainder(yaw_towards(look.pose, place) - way.facing_yaw, math.tau)
+    return abs(aside) <= math.radians(SUCCESS_ASIDE_DEG)
 
 
 async def _way(step: Step, look: Look, sight: Sight, box: Box, far_m: float, leg: Leg) -> ApproachAnswer:
