@@ -37,6 +37,7 @@ from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import stop_without_models
 from command_line.subtask import ask_alone
 from contracts.cameras import DEFAULT_RIG
+from evaluation.bench.customer import Asked
 from evaluation.bench.episode_keeping import Kept
 from evaluation.bench.episode_queue import EpisodeQueue
 from evaluation.bench.folder import BadFolder, RunFolder
@@ -95,6 +96,9 @@ def bench(
         int | None, typer.Option(min=1, max=MAX_WORKERS, help="Processes that fly.", show_default="one a core")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="The run's folder; one that was begun is completed.")] = None,
+    customer: Annotated[
+        Asked, typer.Option(help="Who answers a mission's questions: nobody, or whoever the task's request is from.")
+    ] = "nobody",
     pictures: Annotated[Kept, typer.Option(help="Whose pictures to keep.")] = "none",
     trajectories: Annotated[
         bool,
@@ -215,6 +219,7 @@ def bench(
         workers=workers or os.cpu_count() or 1,
         versions=versions(),
         shard=share,
+        customer=customer,
     )
     cores = one_core_each(process_environment())
     if subtask is not None:
@@ -234,6 +239,7 @@ def bench(
         gateway=gateway,
         pictures="all" if trajectories else pictures,
         trajectories=trajectories,
+        customer=customer,
         episode_s=episode_s,
     )
     with folder, ExitStack() as stack:

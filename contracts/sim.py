@@ -186,7 +186,8 @@ class TruthQuestion(Wire):
 
 
 class VisibleObject(Wire):
-    """An object's visible pixels in one view; `share` is how much of its outline is not hidden or cut off."""
+    """An object's visible pixels in one view; `share` is how much of its outline is not hidden or cut off. `goal`: it
+    is what was asked for, or like that and at another window of the same floor and building."""
 
     id: str
     kind: str

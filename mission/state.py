@@ -71,9 +71,10 @@ class MissionState(Wire):
     look that takes several stops. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
     flights that it has refused since the last one it let happen. `silent_looks`
     counts useless answers in a row, `approaches` those begun and given up. `elsewhere`: where else such a
-    thing was seen, for the customer. `counted_at`: the number of moves
-    when a stop was counted last, for several questions at one place are one stop. `events`: the number of the last
-    event; `seconds`: wall time by part."""
+    thing was seen, for the customer; `another`: where a second one was surely seen, at another window that the request
+    fits as well. `no_building`: the yaws in which what looked like a facade had no floor. `counted_at`: the number of
+    moves when a stop was counted last, for several questions at one place are one stop. `events`: the number of the
+    last event; `seconds`: wall time by part."""
 
     version: Literal[1] = 1
     key: Name
@@ -101,6 +102,8 @@ class MissionState(Wire):
     approaches: int = 0
     dismissed: tuple[Dismissed, ...] = ()
     elsewhere: dict[str, str] = {}
+    another: Point3 | None = None
+    no_building: tuple[Radians, ...] = ()
     lost: LostSighting | None = None
     steps: int = 0
     stops: tuple[Stop, ...] = ()

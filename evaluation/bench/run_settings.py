@@ -6,6 +6,7 @@ from pydantic import JsonValue, TypeAdapter
 
 from contracts.base import ModelName, Wire
 from contracts.orchestrator import MissionSettings
+from evaluation.bench.customer import Asked
 from evaluation.bench.shard import Shard
 from mission.policies import DEFAULT, policy_type
 
@@ -16,7 +17,7 @@ _OF_POLICIES = ("choice", "min_move_m", "safe_distances")
 
 class RunSettings(Wire):
     """Everything needed to fly a run again. `count`: how many tasks the whole run has; where it is one `shard` of it,
-    only that share of them is flown."""
+    only that share of them is flown. `customer`: who answers a mission's questions."""
 
     tasks: str
     checksum: str
@@ -29,6 +30,7 @@ class RunSettings(Wire):
     renderer: str | None = None
     model: dict[str, Any] = {}
     shard: Shard | None = None
+    customer: Asked = "nobody"
 
     @classmethod
     def read(cls, text: str) -> Self:

@@ -20,6 +20,7 @@ from pydantic import Field
 from contracts.base import ModelName, Wire
 from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, MissionSettings
 from contracts.sim import EpisodeQuestion
+from evaluation.bench.customer import Asked, TaskCustomer
 from evaluation.bench.episode_keeping import EpisodeKeeping, Kept
 from evaluation.bench.task_settings import settings_of_task
 from evaluation.bench.worker_loop import answer_lines
@@ -57,6 +58,7 @@ class Job(Wire):
     sim: dict[str, str] = {}
     gateway: dict[str, str] = {}
     pictures: Kept = "none"
+    customer: Asked = "nobody"
     trajectories: bool = False
     episode_s: float = Field(default=900.0, gt=0.0)
 
@@ -160,11 +162,12 @@ class Worker:
         error: str | None = None
         infrastructure = False
         folder = self._record_folder(task)
+        customer = TaskCustomer(task) if self._job.customer == "task" else None
         try:
             if self._services is None or self._group is None or self._group.ended() is not None:
                 await self.start()
             assert self._services is not None
-            result = await self._flown(self._services, order, folder, gone)
+            result = await self._flown(self._services, order, folder, customer, gone)
             if gone.is_set():
                 return None
             if result is None:
@@ -197,10 +200,16 @@ class Worker:
             render_s=round(result.timings_s.get("render", 0.0), 4) if result else 0.0,
             model_s=round(sum(c.seconds for c in result.model_calls.values()), 4) if result else 0.0,
             folder=f"episodes/{task.id}" if folder is not None else None,
+            questions=customer.asked if customer is not None else 0,
         )
 
     async def _flown(
-        self, services: Services, order: Order, folder: Path | None, gone: asyncio.Event
+        self,
+        services: Services,
+        order: Order,
+        folder: Path | None,
+        customer: TaskCustomer | None,
+        gone: asyncio.Event,
     ) -> DeliveryResult | None:
         """Null where it took too long, or `gone` was set. Raises ServiceUnreachable where the disk takes no more."""
         task, settings = order.task, self._settings(order.task)

@@ -27,7 +27,7 @@ Reason = Literal[
 class EpisodeRecord(Wire):
     """One task as flown by one arm. `error` is set, and `result` null, where the episode itself broke: it counts as a
     failure and stays in every denominator, unless a model or a service was out of reach: that tells nothing of the
-    arm. `folder` holds its pictures, where the run keeps them."""
+    arm. `folder` holds its pictures, where the run keeps them. `questions`: how often the task's customer was asked."""
 
     task: Name
     reason: Reason
@@ -38,6 +38,7 @@ class EpisodeRecord(Wire):
     render_s: Annotated[float, Field(ge=0)] = 0.0
     model_s: Annotated[float, Field(ge=0)] = 0.0
     folder: str | None = None
+    questions: Annotated[int, Field(ge=0)] = 0
 
     @property
     def judged(self) -> bool:

@@ -84,7 +84,8 @@ class Summary(Wire):
     reach; every rate is over the others, broken episodes included. `planned` is how many the run is to have.
     `render_s` and `model_s` are the parts of the episodes' wall time spent in the simulator's renderer and waiting for
     models; `wall_s` is the run's own, all workers together. `ideal_lap_spl`: the horizontal SPL of a lap with the map
-    known and the facade unknown, on the same tasks. `extensions`: figures of other packages' metrics."""
+    known and the facade unknown, on the same tasks. `asked`: in how many episodes the task's customer was
+    asked something. `extensions`: figures of other packages' metrics."""
 
     tasks: int
     planned: int
@@ -106,6 +107,7 @@ class Summary(Wire):
     groups: Groups
     errors: dict[str, int]
     absent: Absent | None = None
+    asked: int = 0
     extensions: dict[Name, ExtensionFigure] = {}
 
 
@@ -147,6 +149,7 @@ def summarize(tasks: Mapping[str, Task], records: Sequence[EpisodeRecord], wall_
         groups=_groups(tasks, ordered),
         errors=dict(sorted(Counter(record.error.splitlines()[0] for record in flown if record.error).items())),
         absent=_absent(absence(tasks, ordered)),
+        asked=sum(record.questions > 0 for record in flown),
         extensions=_extensions(tasks, ordered),
     )
 

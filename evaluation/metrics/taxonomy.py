@@ -6,7 +6,8 @@ error           the episode broke: no result, or one with outcome `failed` or `c
 collision       the drone touched something
 unreachable     a model or a service did not answer, could not be started, refused our token, or there is no such model;
                 says nothing about how good anything is, and is left out of every rate
-success         the delivery is the design's success; where the object is not there at all, it was not found
+success         the delivery is the design's success; where the object is not there at all, it was not found; where the
+                request fits two windows, that was said of both
 parse           floor or object were not what the customer asked for, or were not found in the request
 unreadable      a model answered, but too often with something that says nothing; or it never learnt to see the thing
 floor           the height found is more than 7 m off the window's, or none was found; or the search ended without a
@@ -107,7 +108,7 @@ def strayed(scene: Scene, pose: Pose) -> bool:
 
 def _ends_as_it_should(task: Task, result: DeliveryResult) -> bool:
     if task.ambiguous:
-        return result.outcome == "request_incomplete" and result.verdict is None
+        return result.outcome == "request_incomplete" and result.verdict is None and understood(task, result)
     if task.absent:
         return result.outcome == "object_not_found" and result.verdict is None
     return stops_well(result)

@@ -1,5 +1,4 @@
 """Task sets of a mixture: buildings and goals of a fresh set, in the weather, light and starts that it draws.
-draws.
 
 Each is proved by a flight in still air with perfect sensors: the way is there, whatever a drone makes of it. Everything
 follows from the seed.
@@ -33,11 +32,17 @@ _LOW_SHARE = 0.5
 """Of a set's buildings that can be of one storey."""
 
 
+_TWIN_ATTEMPTS = 12
+"""After so many a building has no two windows that a request could mean: its object is there once."""
+
+Kind = Literal["there", "absent", "twin"]
+
+
 class _Drawn(NamedTuple):
     plan: BuildingPlan
     spec: SceneSpec
     real: RealScene
-    kind: Literal["there", "absent", "twin"]
+    kind: Kind
 
 
 def generate_real(
@@ -55,13 +60,16 @@ def generate_real(
 def make_real_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue: Catalogue, mixture: Mixture) -> Task:
     """The first draw that can be flown. Raises CannotGenerate, SimulatorFault."""
     why = ""
+    kind = _kind(wanted, mixture)
     for attempt in range(ATTEMPTS):
+        if kind == "twin" and attempt == _TWIN_ATTEMPTS:
+            kind = "there"
         seed = seed_of(wanted.building, wanted.rank, attempt)
         category = CATEGORIES[(CATEGORIES.index(wanted.category) + attempt // 3) % len(CATEGORIES)]
         rng = np.random.default_rng((seed, zlib.crc32(b"real")))
         try:
             name = f"{prefix}-{wanted.number:03d}"
-            drawn = _drawn(wanted._replace(category=category), name, seed, catalogue, mixture, rng)
+            drawn = _drawn(wanted._replace(category=category), name, seed, catalogue, mixture, kind, rng)
             still = drawn.real.scene.model_copy(update={"air": CALM, "sensors": None})
             proof = prove(still, simulator, SECOND)
             scene = _as_drawn(drawn, rng)
@@ -88,8 +96,23 @@ def make_real_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue:
     )
 
 
+def _kind(wanted: Wanted, mixture: Mixture) -> Kind:
+    """Drawn once for a task, or draws that can't be built would shift the mixture's shares."""
+    rng = np.random.default_rng((seed_of(wanted.building, wanted.rank, 0), zlib.crc32(b"kind")))
+    share = rng.random()
+    if share < mixture.absent:
+        return "absent"
+    return "twin" if share < mixture.absent + mixture.twins else "there"
+
+
 def _drawn(
-    wanted: Wanted, name: str, seed: int, catalogue: Catalogue, mixture: Mixture, rng: np.random.Generator
+    wanted: Wanted,
+    name: str,
+    seed: int,
+    catalogue: Catalogue,
+    mixture: Mixture,
+    kind: Kind,
+    rng: np.random.Generator,
 ) -> _Drawn:
     plan = wanted.building
     low = plan.sketch.kind in _LOW and not plan.sketch.pagoda
@@ -100,12 +123,6 @@ def _drawn(
         spec = spec.model_copy(update={"goal": spec.goal.model_copy(update={"floor": 1})})
     scene = build_scene(spec, seed, catalogue, building_seed=plan.seed)
     real = real_scene(scene, spec, mixture, rng)
-    share = rng.random()
-    kind: Literal["there", "absent", "twin"] = "there"
-    if share < mixture.absent:
-        kind = "absent"
-    elif share < mixture.absent + mixture.twins:
-        kind = "twin"
     return _Drawn(plan, spec, real, kind)
 
 

@@ -14,7 +14,8 @@ from evaluation.task_set.mixture import Mixture, StartName, drawn
 
 _ROOM_M = {"wall": 0.9, "other": 2.0}
 _BETWEEN_M = 0.02
-_APART_COLUMNS = 2
+_APART_COLUMNS = (2, 4)
+"""Between the two windows of an ambiguous request: another window, and near enough that whoever finds one sees both."""
 
 
 class RealScene(NamedTuple):
@@ -50,7 +51,8 @@ def real_scene(scene: Scene, spec: SceneSpec, mixture: Mixture, rng: np.random.G
 
 
 def with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
-    """A second object like the goal, at another window of the same floor and kind. Raises UnbuildableScene."""
+    """A second object like the goal, at another window of the same wall, floor and kind, a few windows on: a drone that
+    looks at the one sees the other. Raises UnbuildableScene."""
     goal = next(o for o in scene.objects if o.id == scene.goal)
     place = goal.place
     assert isinstance(place, WindowPlace)
@@ -59,18 +61,17 @@ def with_twin(scene: Scene, rng: np.random.Generator) -> Scene:
     same = [p for p in others if (p.building, p.floor) == (place.building, place.floor)]
     taken = {(p.facade, p.column) for p in same}
     balconied = {(facade, column) for plan in target.balconies for facade in plan.facades for column in plan.columns}
+    nearest, farthest = _APART_COLUMNS
     spots = [
-        (facade, column)
-        for facade in range(len(target.footprint))
-        for column in range(columns_of(target, facade))
-        if (facade, column) not in taken
-        and (facade != place.facade or abs(column - place.column) >= _APART_COLUMNS)
-        and ((facade, column) in balconied) == ((place.facade, place.column) in balconied)
+        column
+        for column in range(columns_of(target, place.facade))
+        if (place.facade, column) not in taken
+        and nearest <= abs(column - place.column) <= farthest
+        and ((place.facade, column) in balconied) == ((place.facade, place.column) in balconied)
     ]
     if not spots:
         raise UnbuildableScene(f"{scene.name} has no window for a second {goal.kind} on floor {place.floor}")
-    facade, column = spots[int(rng.integers(len(spots)))]
-    there = place.model_copy(update={"facade": facade, "column": column})
+    there = place.model_copy(update={"column": spots[int(rng.integers(len(spots)))]})
     twin = goal.model_copy(update={"id": "twin", "place": there})
     return scene.model_copy(update={"objects": (*scene.objects, twin)})
 

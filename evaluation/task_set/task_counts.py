@@ -179,9 +179,8 @@ def _counted(values: Sequence[str], order: Sequence[str]) -> dict[str, int]:
 
 
 def _decoy(task: Task, *, kind: bool, colour: bool) -> bool:
-    goal = next(o for o in task.scene.objects if o.id == task.scene.goal)
     return any(
-        o.id != goal.id and (o.kind == goal.kind) == kind and (o.colour == goal.colour) == colour
+        (o.kind == task.object_kind) == kind and (o.colour == task.object_colour) == colour
         for o in task.scene.objects
         if o.id.startswith("decoy")
     )

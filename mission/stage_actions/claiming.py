@@ -1,15 +1,26 @@
 """The claim, and what becomes of it."""
 
+from contracts.geometry import Point3
 from contracts.sim import SUCCESS_ASIDE_DEG, Verdict
 from mission.own_request import judged_by_words
+from mission.places import distance_m
+from mission.stage_actions.searching import ANOTHER_WINDOW_M, looks_again
 from mission.stages import ClaimWindow, Ended
-from mission.step import Step
+from mission.step import MissionEnd, Step
 
 NOT_JUDGED = "stopped in front of the window; nobody judges whether it is the right one"
 
 
 async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
-    """Says that this is the window. Raises PortError."""
+    """Says that this is the window. Raises MissionEnd (request_incomplete) where the request fits a second one that was
+    seen; PortError."""
+    apart_m = _second_window_m(step, stage.place)
+    if apart_m is not None:
+        raise MissionEnd(
+            "request_incomplete",
+            f"two windows on floor {step.state.floor} have {step.thing}, {apart_m:.0f} m apart: "
+            "the request does not say which of them is meant",
+        )
     step.enter("claim", "claiming the window")
     name = step.drone.vehicle.name
     verdict = await step.timed("claim", step.context.placement.claim(name, stage.place))
@@ -22,6 +33,16 @@ async def claim_window(step: Step, stage: ClaimWindow) -> Ended:
         return Ended(outcome=judged.outcome, message=judged.message)
     step.write(spoken_verdict(verdict), verdict)
     return _judged(verdict)
+
+
+def _second_window_m(step: Step, place: Point3) -> float | None:
+    """How far off a second window is that the request fits; null where none was seen that stood up to a nearer look."""
+    another = step.state.another
+    if another is None or not looks_again(step):
+        return None
+    dismissed = any(distance_m(another, gone.place) <= ANOTHER_WINDOW_M for gone in step.state.dismissed)
+    apart_m = distance_m(place, another)
+    return apart_m if apart_m > ANOTHER_WINDOW_M and not dismissed else None
 
 
 def _judged(verdict: Verdict) -> Ended:

@@ -28,7 +28,7 @@ async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb:
         if to_m < pose.z + CLOSE_ENOUGH_M:
             return _over_the_roof(step, stage)
     why = stage.why if to_m == stage.to_m else f"{stage.why}, as far as seen"
-    step.plan_flight((above(pose, to_m),) if to_m > pose.z else _way_down(step, to_m), pose.yaw, why)
+    step.plan_flight((above(pose, to_m),) if to_m > pose.z else way_down(step, to_m), pose.yaw, why)
     return CheckClimb.model_validate(stage.model_dump(exclude={"at"}))
 
 
@@ -46,7 +46,7 @@ async def check_climb(step: Step, stage: CheckClimb) -> Climb | AfterClimb:
     return Climb(to_m=stage.to_m, why=stage.why, then=stage.then, attempt="from_farther_off")
 
 
-def _way_down(step: Step, to_m: float) -> tuple[Point3, ...]:
+def way_down(step: Step, to_m: float) -> tuple[Point3, ...]:
     """Straight down where the drone came up; else back to there first, for no level camera sees what is beneath it."""
     pose, path = step.pose, list[Point3]()
     flown = step.state.guard.flown if step.state.guard is not None else ()

@@ -3,6 +3,8 @@
 This is the paper's way, `stepwise`; its ablation `direct-count` is in `mission.stage_actions.direct_count`.
 """
 
+import math
+
 from contracts.event_data import BuildingBoxData, StandOffData
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import BuildingBoxQuestion
@@ -10,6 +12,7 @@ from mission.annotation import mark_box
 from mission.looks import Sight
 from mission.model_calls import Answered
 from mission.places import ahead
+from mission.stage_actions.climbing import way_down
 from mission.stage_actions.direct_count import leave_facade
 from mission.stage_actions.floor_counts import (
     FACADE,
@@ -22,12 +25,14 @@ from mission.stage_actions.floor_counts import (
     vertical,
     write_count,
 )
-from mission.stages import BackOff, BandCount, BoxBuilding, Climb, CountBand, CountBandFromNearer, LookRound
+from mission.stages import BackOff, BandCount, BoxBuilding, Climb, CountBand, CountBandFromNearer, LookRound, TakeStand
 from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
 from navigation.floor_localization import FinalHeight, FloorNotFound, Recount, WindowRows, band, band_span_m
 
 DRIFT_M = 0.5
+MAX_NO_BUILDINGS = 2
+"""How often a drone that stood before no building looks elsewhere."""
 
 
 async def measure_stand_off(step: Step) -> Climb | BackOff:
@@ -49,7 +54,7 @@ async def measure_stand_off(step: Step) -> Climb | BackOff:
     return _climb_to(step, CountBand(stand_off_m=stand_off, band=band(1, span, view.camera_at)))
 
 
-async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountBandFromNearer:
+async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountBandFromNearer | TakeStand:
     """Raises MissionEnd: floor_not_found, answer_unreadable; PortError."""
     sight = await step.look_ahead()
     top = facade.facade_top_m(sight.seen, stage.stand_off_m, sight.eye_z, FACADE)
@@ -62,12 +67,12 @@ async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountB
     return await _decide(step, stage, sight, top)
 
 
-async def count_band_from_nearer(step: Step, stage: CountBandFromNearer) -> Climb | CountBand:
+async def count_band_from_nearer(step: Step, stage: CountBandFromNearer) -> Climb | CountBand | TakeStand:
     """No roof was in sight from farther off. Raises as `count_band`."""
     return await _decide(step, stage, await step.look_ahead(), None)
 
 
-async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None) -> Climb | CountBand:
+async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None) -> Climb | CountBand | TakeStand:
     """Eq. 3 after one band: the final height, the next band, or the same once more."""
     count = _across_edge(await count_floors(step, sight), sight, stage)
     decision = floor_localization.decide(
@@ -80,6 +85,8 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
         case FinalHeight():
             return to_final_height(step, decision, f"to floor {step.state.floor} at {decision.height_m:.1f} m")
         case FloorNotFound():
+            if decision.floors_counted == 0 and len(step.state.no_building) < MAX_NO_BUILDINGS:
+                return _look_elsewhere(step)
             raise not_there(step, decision)
         case Recount():
             silent = stage.silent + 1
@@ -101,6 +108,15 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
                     silent=stage.silent,
                 ),
             )
+
+
+def _look_elsewhere(step: Step) -> TakeStand:
+    """What has no floor and ends so low is no building but a tree or a hedge: down again, turned the other way."""
+    pose, home = step.pose, step.state.guard.home if step.state.guard is not None else step.pose
+    step.update(no_building=(*step.state.no_building, pose.yaw))
+    path = way_down(step, home.z) if home.z < pose.z else ()
+    step.plan_flight(path, pose.yaw + math.pi, "that is no building: look elsewhere")
+    return TakeStand(looked_behind=True)
 
 
 def to_final_height(step: Step, final: FinalHeight, why: str) -> Climb:

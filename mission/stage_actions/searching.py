@@ -14,11 +14,14 @@ from mission.model_calls import Answered
 from mission.places import distance_m, looks_towards
 from mission.policies.base import Plan
 from mission.sighting import Sighting, facade_returns, is_dismissed, locate
+from mission.stage_actions.planning import plan_onward
 from mission.stages import Seen
 from mission.step import MissionEnd, Step
 from mission.wording import counted
 
 ANOTHER_HOUSE = "not on the building searched"
+ANOTHER_WINDOW_M = 2.5
+"""So far from where the thing was seen, a second one of its kind is at another window."""
 
 
 class Found(NamedTuple):
@@ -58,6 +61,8 @@ async def search(
         step.update(silent_looks=step.state.silent_looks + 1)
     best = _best(sightings, near)
     _remember_elsewhere(step, sightings, claim)
+    sure = [s for s in sightings if s.match.confidence >= claim]
+    await _remember_another(step, look, best, sure, judged=plan is not None)
     step.write(
         f"{what}: {_said(reply.answer.outcome, sightings, _seen_by(look, best), step.state.object or 'object')}",
         LookData(
@@ -90,6 +95,22 @@ def _remember_elsewhere(step: Step, sightings: list[Sighting], claim: float) -> 
             step.update(elsewhere=step.state.elsewhere | {"neighbour": "on a neighbour's house"})
         elif sighting.rejected.startswith("at height"):
             step.update(elsewhere=step.state.elsewhere | {"floor": f"on another floor, about {place.z:.0f} m high"})
+
+
+async def _remember_another(
+    step: Step, look: Look, best: Sighting | None, sure: list[Sighting], *, judged: bool
+) -> None:
+    """Where a second thing as asked for was surely seen beside the best: then the request fits two windows.
+    `judged`: the sightings were held against the building searched. Raises PortError."""
+    if best is None or best.place is None or best not in sure:
+        return
+    for other in sure:
+        there = other.place
+        if other.rejected is not None or there is None or distance_m(there, best.place) <= ANOTHER_WINDOW_M:
+            continue
+        if judged or not step.policy.knows_building or (await plan_onward(step, look)).on_target(there):
+            step.update(another=there)
+            return
 
 
 def _found(look: Look, best: Sighting, claim: float) -> Found | None:

@@ -19,6 +19,9 @@ SQUARE_RAD = math.radians(10.0)
 FAR_AHEAD_M = 20.0
 """A wall ahead so far off may be another house than the one at whose foot the drone stands."""
 AT_FOOT_M = 12.0
+BESIDE_RAD = math.radians(75.0)
+"""A wall turned farther off the nose is another house, as long as the one ahead or behind may be out of sight."""
+NO_BUILDING_RAD = math.radians(50.0)
 LEAST_MOVE_M = 0.7
 LONGEST_MOVE_M = 8.0
 BODY_M = 0.85
@@ -38,7 +41,7 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
     views, pose = _read(step, look), _pose(look)
     if stage.backs_off_m > 0.0:
         return _back_off(step, stage, views, pose)
-    walls = walls_about(views, pose)
+    walls = [wall for wall in walls_about(views, pose) if not _is_no_building(step, wall)]
     facing = wall_ahead(walls)
     if facing is None or facing.nearest_m > FAR_AHEAD_M:
         found = _elsewhere(step, stage, walls, facing, pose)
@@ -49,8 +52,13 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
             return _nearer(step, stage, views, pose)
     off = wrap_radians(facing.facing_yaw - pose.yaw)
     if abs(off) > SQUARE_RAD:
+        # from far off a wall is seen too coarsely to turn by: nearer first, where that is free
+        far = facing.nearest_m > AT_FOOT_M
+        nearer = _towards(step, stage, views, pose, facing.nearest_m, AT_FOOT_M - 1.0) if far else None
+        if nearer is not None:
+            return nearer
         step.plan_flight((), facing.facing_yaw, "turn square to the facade")
-        return _next(stage, looked_behind=True)
+        return _next(stage, looked_behind=True, first_yaw=None)
     goal_m = StandOff.within(_reach_m(step)).goal_m(facing.distance_m)
     moved = None if goal_m is None else _towards(step, stage, views, pose, facing.distance_m, goal_m)
     return moved or _under_open_sky(step, stage, views, pose, facing)
@@ -60,10 +68,13 @@ def _elsewhere(
     step: Step, stage: TakeStand, walls: Sequence[Wall], facing: Wall | None, pose: Pose
 ) -> TakeStand | None:
     """Nothing ahead, or only far off: the building may be aside or behind. Null where what is ahead is the best."""
-    beside = next((wall for wall in walls if wall.nearest_m <= AT_FOOT_M or facing is None), None)
+    near = [wall for wall in walls if wall.nearest_m <= AT_FOOT_M and _off_rad(wall, pose) <= BESIDE_RAD]
+    beside = next(iter(near), None)
+    if beside is None and facing is None and _has_looked_about(stage) and _reach_m(step) > SHORT_SIGHT_M:
+        beside = next(iter(walls), None)
     if beside is not None and beside is not facing:
         step.plan_flight((), beside.facing_yaw, "turn to the building")
-        return _next(stage, looked_behind=True)
+        return _next(stage, looked_behind=True, first_yaw=None)
     ahead_m = facing.nearest_m if facing is not None else None
     if not stage.looked_behind:
         step.plan_flight((), pose.yaw + math.pi, "no building close ahead: look behind")
@@ -72,6 +83,24 @@ def _elsewhere(
         step.plan_flight((), stage.first_yaw, "nothing nearer behind: back to where the drone looked first")
         return _next(stage, first_yaw=None)
     return None
+
+
+def _is_no_building(step: Step, wall: Wall) -> bool:
+    """Was it counted before, and had no floor?"""
+    known = step.state.no_building
+    return wall.nearest_m <= AT_FOOT_M and any(
+        abs(wrap_radians(wall.facing_yaw - yaw)) <= NO_BUILDING_RAD for yaw in known
+    )
+
+
+def _off_rad(wall: Wall, pose: Pose) -> float:
+    """How far the drone would have to turn to stand square before it."""
+    return abs(wrap_radians(wall.facing_yaw - pose.yaw))
+
+
+def _has_looked_about(stage: TakeStand) -> bool:
+    """Behind, and back where the drone looked first."""
+    return stage.looked_behind and stage.first_yaw is None
 
 
 def _nearer(step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose) -> TakeStand:

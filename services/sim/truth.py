@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from contracts.cameras import Camera
 from contracts.geometry import Box, Point3, Pose
-from contracts.scene import Building, Scene
+from contracts.scene import Building, Scene, SceneObject, WindowPlace
 from contracts.scene_layout import floor_outline
 from contracts.sim import TruthView, VisibleObject
 from episode_kit.judge import Thing, goal_window
@@ -33,6 +33,7 @@ def truth_view(
     scene: Scene, mesh: SceneMesh, things: Mapping[str, Thing], pose: Pose, camera: Camera, ids: Ids
 ) -> TruthView:
     """What one camera of a drone at `pose` shows. `ids` as the renderer drew them."""
+    fitting = fitting_request(scene)
     parts = len(mesh.parts) + 1
     counts = cv2.calcHist([ids], [0], None, [parts], [0, parts]).ravel()
     objects = []
@@ -48,7 +49,7 @@ def truth_view(
                 id=o.id,
                 kind=o.kind,
                 colour=o.colour,
-                goal=o.id == scene.goal,
+                goal=o.id in fitting,
                 box=box,
                 pixels=pixels,
                 share=min(1.0, pixels / whole) if whole > 0 else 1.0,
@@ -94,6 +95,25 @@ def floor_rows(building: Building, pose: Pose, camera: Camera, seen: NDArray[np.
         if 0.0 <= row < camera.height and seen[int(row), near].any():
             rows.append(row / camera.height)
     return rows
+
+
+def fitting_request(scene: Scene) -> frozenset[str]:
+    """The ids of the things that floor and object of the request fit: the goal, and what is like it at another window
+    of its floor and building. Empty without a goal."""
+    goal = next((o for o in scene.objects if o.id == scene.goal), None)
+    if goal is None:
+        return frozenset()
+    return frozenset(o.id for o in scene.objects if o.id == goal.id or _is_like(o, goal))
+
+
+def _is_like(other: SceneObject, goal: SceneObject) -> bool:
+    here, there = goal.place, other.place
+    return (
+        isinstance(here, WindowPlace)
+        and isinstance(there, WindowPlace)
+        and (other.kind, other.colour) == (goal.kind, goal.colour)
+        and (there.building, there.floor) == (here.building, here.floor)
+    )
 
 
 def outline_pixels(triangles: NDArray[np.float32], pose: Pose, camera: Camera) -> float:

@@ -113,7 +113,25 @@ async def test_the_way_back_from_a_dropped_candidate_goes_round_every_corner_of_
     assert any(point.z != start.z for point in moves[back].data.path)
 
 
-@pytest.mark.parametrize(("thing", "outcome"), [(0.95, "delivered"), (0.84, "wrong_window")])
+async def test_where_two_windows_show_the_thing_the_customer_is_told_so() -> None:
+    result, log, _ = await fly(SURE, SURE, block=Block())
+    assert result.outcome == "request_incomplete"
+    assert result.verdict is None
+    assert "two windows on floor 4 have a green flower pot, 7 m apart" in result.message
+    assert not log.of("verdict")
+
+
+async def test_a_second_thing_that_is_not_sure_makes_nothing_ambiguous() -> None:
+    result, _, _ = await fly(SURE, MIDDLING, block=Block())
+    assert result.outcome == "delivered"
+
+
+async def test_at_first_sight_a_second_window_is_not_asked_about() -> None:
+    result, _, _ = await fly(SURE, SURE, block=Block(), policy="claim-at-first-sight")
+    assert result.outcome in ("delivered", "wrong_window")
+
+
+@pytest.mark.parametrize(("thing", "outcome"), [(0.95, "delivered"), (0.84, "request_incomplete")])
 async def test_a_thing_that_fades_from_near_gives_way_to_a_surer_one_beside_it(thing: float, outcome: str) -> None:
     result, log, _ = await fly({8.0: thing}, {4.0: 0.0, 30.0: 0.85}, block=Block())
     assert result.outcome == outcome

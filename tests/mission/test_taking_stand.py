@@ -7,10 +7,11 @@ import pytest
 
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings
+from contracts.vlm_gateway import FloorCountAnswer
 from mission.mission import Mission
 from tests.mission.block import Block, StereoBlock
 from tests.mission.block_vehicle import BlockWorld
-from tests.mission.box_world import block_placement, block_ports
+from tests.mission.box_world import WHO, BlockVision, block_placement, block_ports
 from tests.mission.test_mission import REQUEST, Events
 
 FACING = math.pi / 2
@@ -54,6 +55,32 @@ async def test_a_sensor_of_short_reach_begins_from_nearer() -> None:
     result = await flown(block, log)
     assert result.outcome == "delivered"
     assert next(e.data for e in log.of("stand_off")).stand_off_m < 6.5
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+async def test_a_house_beside_the_drone_is_not_taken_for_the_one_out_of_its_sensors_reach(side: float) -> None:
+    log = Events()
+    beside = Block(*sorted((4.0 * side, 14.0 * side)), y0=-42.0, y1=-30.0, floors=4)
+    start_at = Pose(x=0.0, y=-36.0, z=1.5, yaw=FACING)
+    result = await flown(StereoBlock(start=start_at, range_m=20.0, neighbour=beside), log)
+    assert result.outcome == "delivered"
+    (stand,) = [e.data for e in log.of("stand_off")]
+    assert abs(math.remainder(stand.pose.yaw - FACING, math.tau)) < math.radians(10.0)
+
+
+async def test_what_has_no_floors_is_no_building_and_the_drone_looks_elsewhere() -> None:
+    """A hedge behind it, and the building in front out of its sensors' reach."""
+    log = Events()
+    hedge = Block(x0=-4.0, x1=4.0, y0=-48.0, y1=-44.0, floors=1)
+    world = BlockWorld(StereoBlock(start=Pose(x=0.0, y=-36.0, z=1.5, yaw=FACING), range_m=20.0, neighbour=hedge))
+    none = FloorCountAnswer(role="floors", floors=0, **WHO)
+    vision = BlockVision(world, says={"floor_count": [none]})
+    result = await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
+    assert result.outcome == "delivered"
+    first, second = (e.data for e in log.of("stand_off"))
+    assert abs(math.remainder(first.pose.yaw + FACING, math.tau)) < math.radians(15.0)
+    assert abs(math.remainder(second.pose.yaw - FACING, math.tau)) < math.radians(10.0)
+    assert not world.vehicles["e1"].collided
 
 
 async def test_where_no_building_stands_it_says_so() -> None:

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from contracts.geometry import Box, Point3, Pose
-from contracts.scene import Scene
+from contracts.scene import Scene, SceneObject, WindowPlace
 from episode_kit.judge import Thing
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.choice import choose_renderer
 from services.sim.render.thread import RenderThread
 from services.sim.scenes import ReadyScene, make_ready
-from services.sim.truth import WayHome, floor_rows, outline_pixels, truth_view
+from services.sim.truth import WayHome, fitting_request, floor_rows, outline_pixels, truth_view
 from tests.cameras import square
 
 NORTH = math.pi / 2
@@ -47,6 +47,17 @@ def test_the_goal_in_the_open_is_seen_whole_and_where_it_is(ready: ReadyScene, d
     assert seen.distance_m == pytest.approx(4.25)
     assert seen.box.x_max - seen.box.x_min == pytest.approx(0.0625, abs=0.011)
     assert (seen.box.x_min + seen.box.x_max) / 2 == pytest.approx(0.5, abs=0.006)
+
+
+def test_what_is_like_the_goal_at_another_window_of_its_floor_fits_the_request_as_well(yard: Scene) -> None:
+    def pot(name: str, floor: int, column: int, colour: str = "green") -> SceneObject:
+        place = WindowPlace(building=yard.target, facade=0, floor=floor, column=column)
+        return SceneObject(id=name, kind="flower_pot", colour=colour, place=place)
+
+    objects = (pot("mine", 1, 0), pot("twin", 1, 1), pot("above", 2, 0), pot("red", 1, 2, "red"))
+    scene = yard.model_copy(update={"objects": objects, "goal": "mine"})
+    assert fitting_request(scene) == {"mine", "twin"}
+    assert fitting_request(scene.model_copy(update={"goal": None})) == frozenset()
 
 
 def test_a_thing_cut_off_by_the_picture_has_a_smaller_share(ready: ReadyScene, drawn: Draw) -> None:
