@@ -46,7 +46,7 @@ def fly_while_killed(
     def listen(name: str) -> None:
         listened[name] = heard(orchestrator, name, within_s=7200.0)
 
-    listeners = [threading.Thread(target=listen, args=(name,)) for name in names]
+    listeners = [threading.Thread(target=listen, args=(name,), daemon=True) for name in names]
     for listener in listeners:
         listener.start()
     killed_again_and_again(orchestrator, kills, chance)

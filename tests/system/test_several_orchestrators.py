@@ -60,7 +60,9 @@ def fly_while_killed(
         listened[name] = heard(at, name, within_s=7200.0)
 
     # each is heard at the orchestrator that has not taken it
-    listeners = [threading.Thread(target=listen, args=(n, processes[(k + 1) % 2])) for k, n in enumerate(names)]
+    listeners = [
+        threading.Thread(target=listen, args=(n, processes[(k + 1) % 2]), daemon=True) for k, n in enumerate(names)
+    ]
     for listener in listeners:
         listener.start()
     for _ in range(kills):
