@@ -10,7 +10,7 @@ from uuid import uuid4
 
 from dbos import DBOSClient, EnqueueOptions
 from pydantic import ValidationError
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.queue_database import APPLICATION, EPISODE, QUEUE, QueueDatabase, WorkerRoll
@@ -36,7 +36,13 @@ class EpisodeQueue:
         self._program = program
         self._tell = tell
         self._prefix = f"{_run_id(folder)}."
-        self._client = DBOSClient(system_database_engine=database.engine, application_name=APPLICATION, lazy=True)
+        # without retries of its own, which would keep Ctrl-C waiting while the database is away
+        self._client = DBOSClient(
+            system_database_engine=database.engine,
+            application_name=APPLICATION,
+            lazy=True,
+            retry_connection_errors=False,
+        )
         self._roll = WorkerRoll(database)
         self._workers = 0
         self._waiting: dict[str, asyncio.Future[str]] = {}
@@ -60,7 +66,8 @@ class EpisodeQueue:
             for task in tasks:
                 task.cancel()
             await asyncio.wait(tasks)
-            await asyncio.shield(self._clear())
+            with contextlib.suppress(SQLAlchemyError):  # what is left is found again by the next session
+                await asyncio.shield(self._clear())
 
     async def flown(self, job: Job, order: Order) -> EpisodeRecord:
         """The record of that episode. Raises WorkerBroke."""
@@ -87,8 +94,8 @@ class EpisodeQueue:
     async def _watch(self) -> None:
         said = -NOBODY_EVERY_S
         while True:
-            await self._fetch()
             with contextlib.suppress(OperationalError):  # a database that is away now is asked again
+                await self._fetch()
                 self._workers = await asyncio.to_thread(self._roll.count, self._program)
             now = time.monotonic()
             if self._workers == 0 and now - said >= NOBODY_EVERY_S:

@@ -4,10 +4,12 @@ import asyncio
 import multiprocessing
 import os
 import signal
+import threading
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from sqlalchemy.exc import SQLAlchemyError
 
 from contracts.orchestrator import MissionSettings
 from evaluation.bench.episode_queue import EpisodeQueue
@@ -17,6 +19,7 @@ from evaluation.bench.queue_worker import Post, QueueWorker
 from evaluation.bench.run import Standing
 from evaluation.bench.shard import Shard
 from evaluation.bench.worker import Job
+from tests.conftest import free_port
 from tests.evaluation.bench.made_up_run import SETTINGS, TASKS, Doom, InventiveWorker, fly_made_up
 from tests.evaluation.bench.test_bench_process import results, tables
 from tests.postgres import Postgres
@@ -121,3 +124,18 @@ def test_a_database_that_does_not_answer_is_told_without_its_password() -> None:
     with pytest.raises(BadDatabase, match="refused") as told:
         QueueDatabase("postgresql://somebody:secret@127.0.0.1:1/queue")
     assert "secret" not in str(told.value)
+
+
+@pytest.mark.timeout(60)
+def test_a_run_whose_database_has_gone_can_be_broken_off(tmp_path: Path) -> None:
+    server = Postgres(free_port())
+    url = server.database()
+    stopping = threading.Timer(1.0, server.stop)
+    stopping.start()
+    try:
+        with pytest.raises((TimeoutError, SQLAlchemyError)):
+            fly_queued(url, tmp_path, 4, [], [])
+    finally:
+        stopping.join()
+        server.close()
+    assert results(tmp_path) == []
