@@ -218,7 +218,7 @@ class Worker:
         ) as kept:
             simulated = services.simulated()
             placement = self._placement(simulated.trial, order, services.trial())
-            mission = Mission(simulated.ports, kept.placement(placement), settings, kept.log)
+            mission = Mission(simulated.ports, kept.placement(placement), settings, kept.log, customer=customer)
             flight = asyncio.create_task(mission.fly(task.request, self._key(task)))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
