@@ -182,6 +182,11 @@ def process_environment() -> dict[str, str]:
     return dict(os.environ)
 
 
+def tell_library(variable: str, value: str) -> None:
+    """Sets what a library itself reads from this process's environment, unless it is set."""
+    os.environ.setdefault(variable, value)
+
+
 def revealed(value: SecretStr | None) -> str | None:
     """What a secret holds."""
     return None if value is None else value.get_secret_value()

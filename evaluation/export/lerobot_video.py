@@ -1,12 +1,13 @@
 """The films of a LeRobot dataset: a camera's pictures of all episodes one after the other, a frame a step, as AV1."""
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
 import av
 import numpy as np
 from numpy.typing import NDArray
+
+from service_kit.settings import tell_library
 
 CODEC, PIXELS = "libsvtav1", "yuv420p"
 OPTIONS = {"crf": "20", "preset": "8", "g": "2", "svtav1-params": "lp=1"}
@@ -33,7 +34,7 @@ class FilmWriter:
         self._file = -1
         self._frames = 0
         self._film: _Film | None = None
-        os.environ.setdefault("SVT_LOG", "1")  # the encoder tells of errors alone
+        tell_library("SVT_LOG", "1")  # the encoder tells of errors alone
 
     def add(self, frames: list[NDArray[np.uint8]]) -> Placed:
         """The frames of one episode, (H, W, 3) RGB each. Raises OSError, av.FFmpegError."""
