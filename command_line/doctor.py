@@ -29,7 +29,7 @@ from service_kit.connections import Connections
 from service_kit.settings import BadSetting, process_environment, secret
 
 ENOUGH_DISK_BYTES = 1 << 30
-NOT_FOR_FLYING = ("all", "carla", "eval", "train")
+NOT_FOR_FLYING = ("all", "carla", "eval", "lerobot", "mcap", "rerun", "train")
 """Extras of the project that no service and no flight needs; `all` holds others besides."""
 CALIBRATION = "services.vlm_gateway.calibration"
 GL_PROBE = """

@@ -1,6 +1,7 @@
 """Logging in, logging out, and the pages of customers."""
 
 from collections.abc import Awaitable, Callable
+from typing import Any
 
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
@@ -11,6 +12,7 @@ from orchestrator.pages import Pages
 from service_kit.auth import access_of, bearer_token
 from service_kit.errors import NotFound, Unauthorised, error_answers
 
+_PAGE: dict[str, Any] = {"description": "a page that says so", "content": {"text/html": {}}}
 LINK_S = 90 * 24 * 3600
 """How long a browser remembers a customer's link that was opened in it."""
 
@@ -64,7 +66,7 @@ def add_access_routes(app: FastAPI, access: Access, known: Callable[[str], Await
         await known(delivery_id)
         return CustomerLink(path=CUSTOMERS_PAGES + access.link(delivery_id))
 
-    @app.get("/c/{link}", tags=["viewer"], response_class=HTMLResponse, responses=error_answers(NotFound))
+    @app.get("/c/{link}", tags=["viewer"], response_class=HTMLResponse, responses={404: _PAGE})
     async def customers_page(link: str, request: Request) -> Response:
         """One delivery, for its customer."""
         delivery_id = access.delivery_of(link)

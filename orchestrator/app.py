@@ -46,10 +46,12 @@ def build_app(
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         await orchestrator.start()
-        yield
-        await orchestrator.close()
-        if on_close is not None:
-            await on_close()
+        try:
+            yield
+        finally:
+            await orchestrator.close()
+            if on_close is not None:
+                await on_close()
 
     guard = RoleGuard(access) if access.asked else None
     app = create_app("orchestrator", max_body_bytes=MAX_BODY_BYTES, checks=checks, guard=guard, lifespan=lifespan)

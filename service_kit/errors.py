@@ -126,7 +126,8 @@ def usual_answers(*, guarded: bool) -> dict[int | str, dict[str, Any]]:
 
 
 def describe_errors_as_json(app: FastAPI) -> None:
-    """The framework describes errors in the media type of the route's answer; ours are JSON wherever they come from."""
+    """The framework describes errors in the media type of the route's answer; ours are JSON wherever they come from,
+    but for those that a route describes as a page, without a schema."""
     usual = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -134,8 +135,8 @@ def describe_errors_as_json(app: FastAPI) -> None:
         for path in described["paths"].values():
             for operation in path.values():
                 for status, answer in operation["responses"].items():
-                    if status >= "400":
-                        answer["content"] = {"application/json": next(iter(answer["content"].values()))}
+                    if status >= "400" and (content := next(iter(answer["content"].values()))):
+                        answer["content"] = {"application/json": content}
         return described
 
     app.openapi = openapi  # type: ignore[method-assign]

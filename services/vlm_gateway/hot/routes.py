@@ -6,6 +6,7 @@ from typing import Any, NamedTuple, Protocol
 from fastapi import FastAPI
 from fastapi.responses import Response
 
+from contracts.errors import ErrorBody
 from service_kit.errors import ServiceError
 from services.vlm_gateway.anthropic.adapter import CountAdapter, MessagesAdapter
 from services.vlm_gateway.anthropic.answer import MessagesError
@@ -74,7 +75,7 @@ def describe(app: FastAPI) -> None:
     """All of them for the API's description: `server.py` sends what is asked on them past the framework."""
     usual = app.router.responses
     # what the connection refuses before it is known what was asked has the usual form there too
-    anthropics = {status: {**usual[status], "model": MessagesError} for status in usual if status != 421}
+    anthropics = {status: {**usual[status], "model": MessagesError | ErrorBody} for status in usual if status != 421}
     anthropics[422] = {**anthropics[422], "description": "not sent here: what is 422 elsewhere is 400"}
     for route in ROUTES:
         app.post(
