@@ -2,6 +2,8 @@
 
 import math
 
+import numpy as np
+
 from contracts.geometry import Point3, Pose
 from navigation.camera import Camera
 
@@ -32,6 +34,12 @@ def ahead(pose: Pose, bearing_deg: float, distance_m: float) -> Point3:
     """The point at that bearing (degrees from the nose, positive to the right) and distance, at the same height."""
     angle = pose.yaw - math.radians(bearing_deg)
     return Point3(x=pose.x + distance_m * math.cos(angle), y=pose.y + distance_m * math.sin(angle), z=pose.z)
+
+
+def apart_deg(here: Pose | Point3, a: Point3, b: Point3) -> float:
+    """The angle between two places, as they are seen from here; 0 to 180 degrees."""
+    to_a, to_b = (np.subtract((p.x, p.y, p.z), (here.x, here.y, here.z)) for p in (a, b))
+    return math.degrees(math.atan2(float(np.linalg.norm(np.cross(to_a, to_b))), float(to_a @ to_b)))
 
 
 def above(pose: Pose, z: float) -> Point3:

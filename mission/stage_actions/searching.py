@@ -11,7 +11,7 @@ from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match, V
 from mission.annotation import mark_box
 from mission.looks import Look, Sight
 from mission.model_calls import Answered
-from mission.places import distance_m, looks_towards
+from mission.places import apart_deg, distance_m, looks_towards
 from mission.policies.base import Plan
 from mission.sighting import Sighting, facade_returns, is_dismissed, locate
 from mission.stage_actions.planning import plan_onward
@@ -22,6 +22,9 @@ from mission.wording import counted
 ANOTHER_HOUSE = "not on the building searched"
 ANOTHER_WINDOW_M = 2.5
 """So far from where the thing was seen, a second one of its kind is at another window."""
+ONE_DIRECTION_DEG = 10.0
+"""Two sightings of one look that lie in one direction are one thing: overlapping cameras both see it, and depth beside
+something thin is that of what stands behind it."""
 
 
 class Found(NamedTuple):
@@ -107,6 +110,8 @@ async def _remember_another(
     for other in sure:
         there = other.place
         if other.rejected is not None or there is None or distance_m(there, best.place) <= ANOTHER_WINDOW_M:
+            continue
+        if apart_deg(look.pose, there, best.place) <= ONE_DIRECTION_DEG:
             continue
         if judged or not step.policy.knows_building or (await plan_onward(step, look)).on_target(there):
             step.update(another=there)
