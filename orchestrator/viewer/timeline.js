@@ -100,8 +100,11 @@ export function makeTimeline({ seek, live, linkOf }) {
     seek(at);
   }
   function step(by) {
-    const index = replay.indexAt(time);
-    const there = replay.events[Math.min(Math.max(index + by, 0), replay.events.length - 1)];
+    // events of one moment are passed together, or a step back would stay where it is
+    const there =
+      by < 0
+        ? replay.events.findLast((event) => event.time_s < time)
+        : replay.events.find((event) => event.time_s > time);
     if (there) go(there.time_s);
   }
   function face() {
