@@ -31,12 +31,13 @@ from command_line.bench_setup import (
     versions,
 )
 from command_line.bench_summary import print_summary
-from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
+from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from command_line.labelled_requests import score_requests
 from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import stop_without_models
 from command_line.subtask import ask_alone
 from contracts.cameras import DEFAULT_RIG
+from contracts.errors import first_problem
 from evaluation.bench.customer import Asked
 from evaluation.bench.episode_keeping import Kept
 from evaluation.bench.episode_queue import EpisodeQueue

@@ -10,9 +10,10 @@ import typer
 from pydantic import TypeAdapter, ValidationError
 from rich.console import Console
 
-from command_line.console import WRONG_INPUT, first_problem, stop
+from command_line.console import WRONG_INPUT, stop
 from command_line.tasks import generated
 from contracts.base import ModelName
+from contracts.errors import first_problem
 from evaluation.bench.queue_database import BadDatabase, QueueDatabase
 from evaluation.bench.shard import Shard
 from evaluation.task_set.generate import wanted_tasks

@@ -8,12 +8,9 @@ from types import TracebackType
 from typing import Any, NoReturn, Self, TypeVar
 
 import typer
-from pydantic import ValidationError
 from rich.console import Console
 from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-from contracts.errors import what_is_wrong
 
 WRONG_INPUT, FAILED, INTERRUPTED = 2, 1, 130
 T = TypeVar("T")
@@ -90,11 +87,3 @@ def stop(message: str, code: int) -> NoReturn:
     """End the command with one line that says why."""
     typer.echo(f"logisticsvln: {' '.join(message.split())}", err=True)
     raise typer.Exit(code)
-
-
-def first_problem(error: ValidationError) -> str:
-    """Where the first wrong value stands, and what is wrong with it."""
-    first = error.errors()[0]
-    where = ".".join(str(part) for part in first["loc"])
-    problem = what_is_wrong(first)
-    return f"{where}: {problem}" if where else problem

@@ -13,12 +13,13 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from command_line import mission_options
-from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, first_problem, interruptible, stop
+from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, interruptible, stop
 from command_line.delivery_view import LiveView, PlainView, print_result
 from command_line.mission_options import SEED_HIGH, mission_settings
 from command_line.preflight import CannotFly, check_flight
 from command_line.terminal_customer import TerminalCustomer
 from contracts.cameras import DEFAULT_RIG
+from contracts.errors import first_problem
 from contracts.orchestrator import CustomerAnswer, DeliveryQuestion, DeliveryResult
 from launcher.processes import CannotStart, parse_addresses
 from logisticsvln.async_flights import ORACLE, AsyncLocalServices

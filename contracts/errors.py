@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from contracts.base import Wire
@@ -25,3 +26,11 @@ class ErrorBody(Wire):
 def what_is_wrong(problem: ErrorDetails) -> str:
     """A validation problem's sentence, without the "Value error, " that the library puts before one of ours."""
     return str(problem["msg"]).removeprefix("Value error, ")
+
+
+def first_problem(error: ValidationError) -> str:
+    """Where the first wrong value stands, and what is wrong with it."""
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    problem = what_is_wrong(first)
+    return f"{where}: {problem}" if where else problem

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 
 T = TypeVar("T")
 MAX_BYTES = 64 * 1024
@@ -62,11 +62,7 @@ class Kind(NamedTuple):
         except RecursionError:
             raise self.error(f"{source} is not a {self.noun}: it is nested too deeply") from None
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise self.error(
-                f"{source} is not a {self.noun}: {where}{': ' if where else ''}{what_is_wrong(first)}"
-            ) from None
+            raise self.error(f"{source} is not a {self.noun}: {first_problem(error)}") from None
         except ValueError as error:
             raise self.error(f"{source} is not a {self.noun}: {error}") from None
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.orchestrator import Sample
 from contracts.scene import Scene
 from orchestrator import sample_library
@@ -28,10 +28,7 @@ def read_scene(path: str | Path) -> Scene:
     except UnicodeDecodeError:
         raise BadScene(f"{path} is not a text file") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        problem = what_is_wrong(first)
-        raise BadScene(f"{path} is not a scene: {f'{where}: ' if where else ''}{problem}") from None
+        raise BadScene(f"{path} is not a scene: {first_problem(error)}") from None
 
 
 def samples() -> list[str]:

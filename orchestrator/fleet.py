@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.fleet import FleetFile, FleetMember
 from contracts.geometry import Point3
 from contracts.sim import Verdict
@@ -35,9 +35,7 @@ def read_fleet(path: Path) -> tuple[FleetMember, ...]:
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise BadSetting(f"FLEET={path}: not TOML: {error}") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise BadSetting(f"FLEET={path}: {where}: {what_is_wrong(first)}") from None
+        raise BadSetting(f"FLEET={path}: {first_problem(error)}") from None
 
 
 class VehicleAt:

@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import Field, ValidationError
 
 from contracts.base import Coordinate, Metres, Name, Radians, Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.geometry import Point3
 from service_kit.errors import BadQuestion
 from services.carla_world.frames import Origin
@@ -81,9 +81,7 @@ class SceneDocuments:
         try:
             return CarlaScene.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            problem = f"{where}: {what_is_wrong(first)}"
+            problem = first_problem(error)
         except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             problem = f"not TOML: {error}"
         except OSError as error:

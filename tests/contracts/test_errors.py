@@ -3,9 +3,8 @@
 import pytest
 from pydantic import ValidationError
 
-from command_line.console import first_problem
 from contracts.cameras import BadRig, Rig, parse_rig, pinhole_camera
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem, what_is_wrong
 
 TWICE = "rig twice: names of cameras must be unique"
 CAMERA = '[[cameras]]\nname = "a"\nwidth = 64\nheight = 64\nhorizontal_fov_deg = 90\n'

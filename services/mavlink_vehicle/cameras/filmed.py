@@ -26,7 +26,7 @@ from pydantic import Field, ValidationError
 
 from contracts.base import Name, Wire
 from contracts.cameras import MAX_CAMERAS, BadRig, Camera, MountingOffset, Rig, flyable
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.images import NO_RETURN, DepthMap, encode_depth_units, encode_jpeg
 from contracts.vehicle import SensedView
 from service_kit.errors import Unavailable
@@ -118,9 +118,7 @@ class FilmedCameras:
         except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise BadCameras(f"{path}: not TOML: {error}") from None
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"])
-            raise BadCameras(f"{path}: {where}: {what_is_wrong(first)}") from None
+            raise BadCameras(f"{path}: {first_problem(error)}") from None
         except (BadCalibration, BadRig) as error:
             raise BadCameras(f"{path}: {error}") from None
         return cls(filmed)

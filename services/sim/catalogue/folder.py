@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field, ValidationError, model_validator
 
 from contracts.base import Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from service_kit.settings import BadSetting
 from services.sim.catalogue.palette import COLOURS, Paint
 from services.sim.catalogue.registry import MOUNTED, Category, Place, Shape, build, catalogued
@@ -108,9 +108,7 @@ def _read(folder: Path) -> OwnThings:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadSetting(f"{path} is not TOML: {error}") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise BadSetting(f"{path}: {where}: {what_is_wrong(first)}") from None
+        raise BadSetting(f"{path}: {first_problem(error)}") from None
 
 
 def _shown(one: OwnObject) -> str | None:
