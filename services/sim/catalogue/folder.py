@@ -79,13 +79,13 @@ def with_own_things(folder: Path, textures: TextureSet) -> TextureSet:
     Raises BadSetting, naming the file and what is wrong in it."""
     things = _read(folder)
     try:
-        textures = textures.with_pictures(
-            [(layer_of(kind), _picture(folder / name)) for kind, one in things.objects.items() if (name := _shown(one))]
-        )
+        pictures = {kind: _picture(folder / name) for kind, one in things.objects.items() if (name := _shown(one))}
+        textures = textures.with_pictures([(layer_of(kind), picture) for kind, picture in pictures.items()])
         for name, texture in things.textures.items():
             textures = textures.with_replaced(name, _picture(folder / texture.picture), texture.tile_m)
         for kind, one in things.objects.items():
-            _enlist(folder, kind, one)
+            shape = _of_picture(kind, one, pictures[kind]) if one.picture is not None else _of_mesh(folder, kind, one)
+            _enlist(kind, one, shape, textures)
             for colour in one.colours:
                 build(kind, colour, textures)
     except (ValueError, KeyError, OSError) as error:
@@ -115,27 +115,16 @@ def _shown(one: OwnObject) -> str | None:
     return one.picture or one.texture
 
 
-def _enlist(folder: Path, kind: str, one: OwnObject) -> None:
-    """Lists the class under its name. Raises ValueError for one that is there, or a mesh that is none."""
-    shape = _of_picture(folder, kind, one) if one.picture is not None else _of_mesh(folder, kind, one)
-    low, high = shape(Paint(one.colours[0], _NoTextures())).bounds
+def _enlist(kind: str, one: OwnObject, shape: Shape, textures: TextureSet) -> None:
+    """Lists the class under its name. Raises ValueError for one that is there."""
+    low, high = shape(Paint(one.colours[0], textures)).bounds
     x, y, z = (round(float(side), 3) for side in high - low)
     shape.__name__ = kind
     catalogued(one.category, one.phrase, *one.synonyms, colours=one.colours, places=one.places, size_m=(x, y, z))(shape)
 
 
-class _NoTextures(TextureSet):
-    """For measuring a shape before its textures are there: every layer is the plain one."""
-
-    def __init__(self) -> None:
-        super().__init__((), np.zeros((0, 1, 1, 3), np.uint8), np.zeros(0, np.float32))
-
-    def layer(self, name: str) -> int:
-        return 0
-
-
-def _of_picture(folder: Path, kind: str, one: OwnObject) -> Shape:
-    height, width = _picture(folder / str(one.picture)).shape[:2]
+def _of_picture(kind: str, one: OwnObject, picture: Picture) -> Shape:
+    height, width = picture.shape[:2]
     wide, high = one.width_m, one.width_m * height / width
 
     def shape(paint: Paint) -> Mesh:
