@@ -1,6 +1,8 @@
 """The doors of a world's episodes: the vehicle's contract (`contracts.vehicle`), and the trial's beside it."""
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from typing import Annotated, Any
 
 from fastapi import Body, FastAPI, Path, Query, Request
@@ -125,7 +127,18 @@ def add_vehicle_routes(app: FastAPI, episodes: LiveEpisodes[Any, Any, Any]) -> N
         await episodes.end(episode_id)
 
 
-async def end_orphans(episodes: LiveEpisodes[Any, Any, Any]) -> None:
+@asynccontextmanager
+async def kept(episodes: LiveEpisodes[Any, Any, Any]) -> AsyncIterator[None]:
+    """Meanwhile ends episodes whose leases have run out; at the end all of them."""
+    keeper = asyncio.create_task(_end_orphans(episodes))
+    yield
+    keeper.cancel()
+    with suppress(asyncio.CancelledError):
+        await keeper
+    await episodes.close()
+
+
+async def _end_orphans(episodes: LiveEpisodes[Any, Any, Any]) -> None:
     """Until it is cancelled: ends episodes whose leases have run out."""
     pause_s = min(5.0, max(0.05, episodes.limits.lease_s / 4))
     while True:

@@ -1,14 +1,10 @@
 """The doors of a CARLA server's world: those of the simulator, but for what only that has."""
 
-import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
-
 from fastapi import FastAPI, Request
 from prometheus_client import Gauge
 
 from contracts.sim import Episode, EpisodeQuestion
-from episode_kit.routes import add_trial_routes, add_vehicle_routes, end_orphans
+from episode_kit.routes import add_trial_routes, add_vehicle_routes, kept
 from service_kit.app import create_app
 from service_kit.errors import Conflict, NotFound, TooMany, error_answers
 from service_kit.metrics import HttpMetrics
@@ -24,15 +20,6 @@ def build_app(episodes: CarlaEpisodes, server: str, token: str | None = None) ->
     live = Gauge("carla_live_episodes", "Episodes that are live.", registry=figures.registry)
     live.set_function(lambda: episodes.live)
 
-    @asynccontextmanager
-    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        keeper = asyncio.create_task(end_orphans(episodes))
-        yield
-        keeper.cancel()
-        with suppress(asyncio.CancelledError):
-            await keeper
-        await episodes.close()
-
     app = create_app(
         "carla_world",
         max_body_bytes=MAX_BODY_BYTES,
@@ -40,7 +27,7 @@ def build_app(episodes: CarlaEpisodes, server: str, token: str | None = None) ->
         about={"carla": server, "release": RELEASE},
         token=token,
         metrics=figures,
-        lifespan=lifespan,
+        lifespan=lambda _: kept(episodes),
     )
     add_vehicle_routes(app, episodes)
     add_trial_routes(app, episodes)

@@ -36,10 +36,8 @@ class CarlaEpisodes(LiveEpisodes[EpisodeQuestion, CarlaEpisode, CarlaSenses]):
         return await asyncio.to_thread(self._client.problem)
 
     async def close(self) -> None:
-        for episode_id in list(self._live):
-            await self._drop(episode_id)
-        await self._work(self._client.leave)
         await super().close()
+        await asyncio.to_thread(self._client.leave)
 
     async def _open(self, question: EpisodeQuestion) -> Opened[CarlaEpisode, CarlaSenses]:
         check(question)

@@ -2,13 +2,13 @@
 
 import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 
 from fastapi import FastAPI, Request
 from prometheus_client import Gauge
 
 from contracts.sim import Catalogue, Episode, EpisodeQuestion, PoseJudged, PoseReport, Truth, TruthQuestion
-from episode_kit.routes import EpisodeId, add_trial_routes, add_vehicle_routes, end_orphans
+from episode_kit.routes import EpisodeId, add_trial_routes, add_vehicle_routes, kept
 from service_kit.app import create_app
 from service_kit.errors import Conflict, NotFound, TooMany, error_answers
 from service_kit.leaving import while_asked
@@ -34,12 +34,8 @@ def build_app(
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        keeper = asyncio.create_task(end_orphans(episodes))
-        yield
-        keeper.cancel()
-        with suppress(asyncio.CancelledError):
-            await keeper
-        await episodes.close()
+        async with kept(episodes):
+            yield
         await asyncio.to_thread(renderer.close)
 
     async def takes_work() -> str | None:
