@@ -15,7 +15,7 @@ from mission.looks import Look, Sight
 from mission.places import distance_m, point_of, yaw_towards
 from mission.sighting import project
 from mission.stage_actions.looking import AHEAD_DEG, look_aside
-from mission.stage_actions.planning import plan_onward
+from mission.stage_actions.planning import on_target
 from mission.stage_actions.searching import Found, looks_again, search
 from mission.stages import (
     Approach,
@@ -283,11 +283,4 @@ async def _is_another(step: Step, other: Found, approach: Approach) -> bool:
     surest = max(approach.surest, approach.last.confidence)
     surer = other.seen.claimable and other.seen.confidence > surest
     far = distance_m(other.seen.place, approach.last.place) > OTHER_THING_M
-    return looks_again(step) and surer and far and await _on_target(step, other)
-
-
-async def _on_target(step: Step, found: Found) -> bool:
-    """Is that on the building searched, as far as is known? Without a map anything may be."""
-    if not step.policy.knows_building:
-        return True
-    return (await plan_onward(step, found.look)).on_target(found.seen.place)
+    return looks_again(step) and surer and far and await on_target(step, other.look, other.seen.place)

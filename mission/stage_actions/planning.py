@@ -8,7 +8,7 @@ from contracts.depth_assist import (
     ViewpointAnswer,
     ViewpointQuestion,
 )
-from contracts.geometry import Box
+from contracts.geometry import Box, Point3
 from contracts.vlm_gateway import ChooseDirectionAnswer, ChooseDirectionQuestion
 from mission.looks import Look
 from mission.model_calls import Reply
@@ -51,3 +51,8 @@ async def plan_onward(step: Step, look: Look) -> Plan:
 def memory_of(step: Step) -> SearchMemory:
     """What the policy remembers of this mission."""
     return step.policy.memory_type.model_validate(step.state.memory)
+
+
+async def on_target(step: Step, look: Look, place: Point3) -> bool:
+    """Is that on the building searched, as far as is known? Without a map anything may be. Raises PortError."""
+    return not step.policy.knows_building or (await plan_onward(step, look)).on_target(place)

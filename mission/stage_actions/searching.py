@@ -14,7 +14,7 @@ from mission.model_calls import Answered
 from mission.places import apart_deg, distance_m, looks_towards
 from mission.policies.base import Plan
 from mission.sighting import Sighting, facade_returns, is_dismissed, locate
-from mission.stage_actions.planning import plan_onward
+from mission.stage_actions.planning import on_target
 from mission.stages import Seen
 from mission.step import MissionEnd, Step
 from mission.wording import counted
@@ -113,7 +113,7 @@ async def _remember_another(
             continue
         if apart_deg(look.pose, there, best.place) <= ONE_DIRECTION_DEG:
             continue
-        if judged or not step.policy.knows_building or (await plan_onward(step, look)).on_target(there):
+        if judged or await on_target(step, look, there):
             step.update(another=there)
             return
 
