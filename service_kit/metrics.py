@@ -36,7 +36,7 @@ class Sums(Collector):
 
     def series(self, *labels: str) -> Sum:
         """The one of these labels, for whoever adds to it often."""
-        return self._sums.setdefault(labels, Sum())
+        return self._sums.get(labels) or self._sums.setdefault(labels, Sum())
 
     def add(self, *labels: str, amount: float = 1.0) -> None:
         self.series(*labels).amount += amount
@@ -74,7 +74,7 @@ class Spreads(Collector):
 
     def series(self, *labels: str) -> Spread:
         """The one of these labels, for whoever adds to it often."""
-        return self._spreads.setdefault(labels, Spread(self._bounds))
+        return self._spreads.get(labels) or self._spreads.setdefault(labels, Spread(self._bounds))
 
     def add(self, *labels: str, value: float) -> None:
         self.series(*labels).add(value)
