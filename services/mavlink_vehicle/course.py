@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from contracts.geometry import Point3, Pose
-from services.mavlink_vehicle.frames import wrapped
+from episode_kit.kinematics import SpeedProfile, speed_profile, wrapped
 
 SHORTEST_LEG_M = 1e-3
 
@@ -24,12 +24,13 @@ class FlightLimits(NamedTuple):
     climb_m_s: float = math.inf
     sink_m_s: float = math.inf
 
-    def along(self, start: Pose, end: Pose) -> "FlightLimits":
-        """The limits of a leg: no faster than its upward or downward part may be."""
-        steep = (end.z - start.z) / max(distance_m(start, end), SHORTEST_LEG_M)
+    def profile(self, start: Pose, end: Pose) -> SpeedProfile:
+        """The speed along a leg: no faster than its upward or downward part may be."""
+        length_m = distance_m(start, end)
+        steep = (end.z - start.z) / max(length_m, SHORTEST_LEG_M)
         upright_m_s = self.climb_m_s if steep > 0.0 else self.sink_m_s
         most = upright_m_s / abs(steep) if abs(steep) > SHORTEST_LEG_M else math.inf
-        return self._replace(speed_m_s=min(self.speed_m_s, most))
+        return speed_profile(length_m, min(self.speed_m_s, most), self.acceleration_m_s2)
 
 
 class Part(NamedTuple):
@@ -61,19 +62,16 @@ class Course(NamedTuple):
         if part.length_m < SHORTEST_LEG_M:
             turn = wrapped(part.end.yaw - part.start.yaw) * time_s / part.duration_s
             return part.start.model_copy(update={"yaw": wrapped(part.start.yaw + turn)})
-        limits = self.limits.along(part.start, part.end)
-        share = _distance_at(time_s, part.length_m, limits) / part.length_m
-        return _between(part.start, part.end, share)
+        profile = self.limits.profile(part.start, part.end)
+        return _between(part.start, part.end, profile.distance_at(time_s) / part.length_m)
 
     def stop(self, part: Part, time_s: float) -> Pose:
         """Where the set-point comes to a stop when it brakes `time_s` after a part was begun."""
-        here = self.at(part, time_s)
         if part.length_m < SHORTEST_LEG_M:
-            return here
-        later = self.at(part, time_s + 0.01)
-        speed = distance_m(here, later) / 0.01
-        brake_m = speed**2 / (2.0 * self.limits.acceleration_m_s2)
-        share = min(1.0, (distance_m(part.start, here) + brake_m) / part.length_m)
+            return self.at(part, time_s)
+        profile = self.limits.profile(part.start, part.end)
+        brake_m = profile.speed_at(time_s) ** 2 / (2.0 * self.limits.acceleration_m_s2)
+        share = min(1.0, (profile.distance_at(time_s) + brake_m) / part.length_m)
         return _between(part.start, part.end, share)
 
 
@@ -82,10 +80,9 @@ def course(start: Pose, path: Sequence[Point3], yaw: float | None, limits: Fligh
     here, parts, heading = start, [], None
     for corner in path:
         there = Pose(x=corner.x, y=corner.y, z=corner.z, yaw=start.yaw)
-        length_m = distance_m(here, there)
-        if length_m < SHORTEST_LEG_M:
+        if distance_m(here, there) < SHORTEST_LEG_M:
             continue
-        parts.append(Part(here, there, _duration_s(length_m, limits.along(here, there))))
+        parts.append(Part(here, there, limits.profile(here, there).duration_s))
         if math.dist((here.x, here.y), (there.x, there.y)) > SHORTEST_LEG_M:
             heading = math.atan2(there.y - here.y, there.x - here.x)
         here = there
@@ -104,23 +101,3 @@ def distance_m(a: Pose, b: Pose) -> float:
 def _between(a: Pose, b: Pose, share: float) -> Pose:
     x, y, z = (p + (q - p) * share for p, q in ((a.x, b.x), (a.y, b.y), (a.z, b.z)))
     return Pose(x=x, y=y, z=z, yaw=a.yaw)
-
-
-def _top_speed(length_m: float, limits: FlightLimits) -> float:
-    return min(limits.speed_m_s, math.sqrt(length_m * limits.acceleration_m_s2))
-
-
-def _duration_s(length_m: float, limits: FlightLimits) -> float:
-    top = _top_speed(length_m, limits)
-    return length_m / top + top / limits.acceleration_m_s2
-
-
-def _distance_at(time_s: float, length_m: float, limits: FlightLimits) -> float:
-    """Speeding up, steady, slowing down."""
-    top, slow = _top_speed(length_m, limits), limits.acceleration_m_s2
-    ramp_s, whole_s = top / slow, _duration_s(length_m, limits)
-    if time_s < ramp_s:
-        return slow * time_s**2 / 2.0
-    if time_s < whole_s - ramp_s:
-        return top * (time_s - ramp_s / 2.0)
-    return length_m - slow * max(0.0, whole_s - time_s) ** 2 / 2.0

@@ -10,10 +10,11 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 
+from episode_kit.kinematics import wrapped
 from services.mavlink_vehicle.control import Control
 from services.mavlink_vehicle.course import Course
 from services.mavlink_vehicle.flight_ends import Hit, Leapt, Patience, Stopped, StuckOnTheWay, TakenOver, Tolerance
-from services.mavlink_vehicle.frames import Alignment, Enu, wrapped
+from services.mavlink_vehicle.frames import Alignment, Enu
 from services.mavlink_vehicle.link import CommandRefused, Link, LinkLost
 from services.mavlink_vehicle.set_points import EVERY_S, SetPoints
 from services.mavlink_vehicle.telemetry import Telemetry

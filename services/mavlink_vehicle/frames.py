@@ -9,6 +9,7 @@ import math
 from typing import NamedTuple, Self
 
 from contracts.geometry import Point3, Pose
+from episode_kit.kinematics import wrapped
 
 
 class Ned(NamedTuple):
@@ -45,12 +46,6 @@ def yaw_of(heading_deg: float) -> float:
 def heading_of(yaw: float) -> float:
     """Degrees clockwise from north, in (-180, 180], of radians counter-clockwise from east."""
     return math.degrees(wrapped(math.pi / 2.0 - yaw))
-
-
-def wrapped(angle: float) -> float:
-    """In (-pi, pi]."""
-    turned = math.remainder(angle, math.tau)
-    return math.pi if turned == -math.pi else turned
 
 
 class Alignment(NamedTuple):

@@ -8,7 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, get_args
 
-from services.mavlink_vehicle.frames import Enu, wrapped
+from episode_kit.kinematics import wrapped
+from services.mavlink_vehicle.frames import Enu
 
 Clock = Callable[[], float]
 Mode = Literal[

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contracts.geometry import Point3, Pose
+from episode_kit.kinematics import wrapped
 from services.mavlink_vehicle.course import Course, FlightLimits, Part, course, distance_m
-from services.mavlink_vehicle.frames import wrapped
 
 LIMITS = FlightLimits(speed_m_s=3.0, acceleration_m_s2=1.5, yaw_rate_rad_s=0.8, climb_m_s=2.0, sink_m_s=1.2)
 START = Pose(x=1.0, y=2.0, z=3.0, yaw=0.5)

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contracts.geometry import Point3, Pose
-from services.mavlink_vehicle.frames import Alignment, Enu, Ned, enu_of, heading_of, ned_of, wrapped, yaw_of
+from episode_kit.kinematics import wrapped
+from services.mavlink_vehicle.frames import Alignment, Enu, Ned, enu_of, heading_of, ned_of, yaw_of
 
 metres = st.floats(-1_500.0, 1_500.0)
 degrees = st.floats(-720.0, 720.0)
