@@ -75,7 +75,7 @@ class BegunEpisodes(Generic[Q]):
     def _begun(self, question: Q) -> Begun[Q]:
         key = question.key
         known = self._by_key.get(key) if key is not None else None
-        if known is not None and _asked(known.question) != _asked(question):
+        if known is not None and asked_for(known.question) != asked_for(question):
             raise Conflict(
                 f"another episode was begun under the key {key}; send the same question again, or choose another key",
                 code="key_differs",
@@ -95,7 +95,7 @@ class BegunEpisodes(Generic[Q]):
             raise
 
 
-def _asked(question: Q) -> Q:
+def asked_for(question: Q) -> Q:
     """What makes an episode the same: for whom it is begun may change, where another process goes on."""
     return question.model_copy(update={"owner": None, "lease_s": None})
 

@@ -3,7 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 from fastapi import Body, FastAPI, Path, Query, Request
 from fastapi.responses import Response
@@ -31,7 +31,21 @@ EpisodeId = Annotated[str, Path(min_length=1, max_length=80)]
 MoveNumber = Annotated[int, Path(ge=0, le=10**9)]
 
 
-def add_trial_routes(app: FastAPI, episodes: LiveEpisodes[Any, Any, Any]) -> None:
+class Trials(Protocol):
+    """Whose trials are asked for: a world's episodes, or a vehicle's own in a scene."""
+
+    async def free(self, key: str) -> None: ...
+
+    async def free_all(self, owner: str) -> None: ...
+
+    def trial(self, episode_id: str) -> Episode: ...
+
+    def renew(self, episode_id: str) -> Episode: ...
+
+    async def claim(self, episode_id: str, claim: Claim) -> Verdict: ...
+
+
+def add_trial_routes(app: FastAPI, episodes: Trials) -> None:
     """All but `POST /v1/episodes`, whose question is each world's own."""
 
     @app.delete("/v1/episodes", status_code=204)

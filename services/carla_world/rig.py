@@ -72,7 +72,7 @@ class CarlaSenses:
         """The named cameras' views of one tick; all of the rig's where none are named. Raises BadQuestion or
         Unavailable."""
         episode = self._episode
-        chosen = chosen_cameras(episode.rig, cameras)
+        chosen = chosen_cameras(episode.rig.cameras, cameras)
         number, pose = episode.observations + 1, episode.drone.pose
         state = episode.drone.state(episode.id, episode.moves, number)
         started = time.perf_counter()

@@ -6,11 +6,10 @@ from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Annotated
 
-from fastapi import Body, FastAPI, Path, Query, Request
+from fastapi import Body, FastAPI, Query, Request
 from fastapi.responses import Response
 
-from contracts.base import Name
-from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from contracts.sim import Episode, EpisodeQuestion
 from contracts.vehicle import (
     Move,
     MoveProgress,
@@ -20,8 +19,9 @@ from contracts.vehicle import (
     VehicleCapabilities,
     VehicleState,
 )
+from episode_kit.routes import USUAL_HEIGHT, EpisodeId, MoveNumber, add_trial_routes
 from service_kit.app import Check, create_app, json_response
-from service_kit.errors import BadQuestion, Conflict, NotFound, TooMany, Unavailable, error_answers
+from service_kit.errors import Conflict, NotFound, TooMany, Unavailable, error_answers
 from service_kit.leaving import while_asked
 from services.mavlink_vehicle.cameras.filmed import FilmedCameras
 from services.mavlink_vehicle.link import Link
@@ -30,13 +30,9 @@ from services.mavlink_vehicle.trial import Trials
 from services.mavlink_vehicle.vehicle import Vehicle
 
 MAX_BODY_BYTES = 2 * 1024 * 1024
-NOTHING_NAMED = Claim()
-USUAL_HEIGHT = TakeOff()
 OWN = "/v1/vehicle"
 OF_TRIAL = "/v1/episodes/{episode_id}"
 
-EpisodeId = Annotated[str, Path(min_length=1, max_length=80)]
-MoveNumber = Annotated[int, Path(ge=0, le=10**9)]
 VehicleOf = Callable[[Request], Vehicle]
 
 
@@ -169,27 +165,7 @@ def _add_trial_routes(app: FastAPI, trials: Trials) -> None:
         """A scene about the drone, which stands under its start. The same `key` again is the same trial."""
         return await trials.begin(question)
 
-    @app.delete("/v1/episodes", status_code=204)
-    async def free_trials(key: Name | None = None, owner: Name | None = None) -> None:
-        """Ends the trial that was begun, or is being begun, under this key, or for this owner."""
-        if (key is None) == (owner is None):
-            raise BadQuestion("name either a key or an owner: DELETE /v1/episodes?key=<key>")
-        await trials.free(key, owner)
-
-    @app.get(f"{OF_TRIAL}/trial", responses=error_answers(NotFound))
-    async def get_trial(episode_id: EpisodeId) -> Episode:
-        """The scene, who draws it, whether it was claimed, when it expires. Asking doesn't renew the lease."""
-        return trials.trial(episode_id)
-
-    @app.post(f"{OF_TRIAL}/renew", responses=error_answers(NotFound))
-    async def renew_lease(episode_id: EpisodeId) -> Episode:
-        """A sign of life."""
-        return trials.renew(episode_id)
-
-    @app.post(f"{OF_TRIAL}/claim", responses=error_answers(Conflict, NotFound, Unavailable))
-    async def claim_delivery(episode_id: EpisodeId, claim: Annotated[Claim, Body()] = NOTHING_NAMED) -> Verdict:
-        """Judges where the drone is now. The first claim counts."""
-        return await trials.claim(episode_id, claim)
+    add_trial_routes(app, trials)
 
     @app.delete(OF_TRIAL, status_code=204, responses=error_answers(NotFound))
     async def end_trial(episode_id: EpisodeId) -> None:

@@ -8,11 +8,14 @@ vehicle lands where it is.
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple
 
 from contracts.geometry import Pose
 from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
+from episode_kit.begun import asked_for
+from episode_kit.lease import Lease
 from service_kit.client import CallError, Refused, ServiceClient
 from service_kit.errors import Conflict, NotFound, ServiceError, TooMany, Unavailable
 from services.mavlink_vehicle.cameras.simulated import SimulatedCameras
@@ -45,18 +48,13 @@ class Terms(NamedTuple):
 class _Live:
     """The trial under way."""
 
-    def __init__(self, question: EpisodeQuestion, episode: Episode, lease_s: float, cameras: SimulatedCameras) -> None:
+    def __init__(self, question: EpisodeQuestion, episode: Episode, lease: Lease, cameras: SimulatedCameras) -> None:
         self.question = question
         self.episode = episode
         self.cameras = cameras
-        self.lease_s = lease_s
-        self.renewed_s = time.monotonic()
+        self.lease = lease
         self.claimed: Verdict | None = None
         self.reporting: asyncio.Task[None] | None = None
-
-    @property
-    def left_s(self) -> float:
-        return max(0.0, self.lease_s - (time.monotonic() - self.renewed_s))
 
 
 class Trials:
@@ -75,8 +73,8 @@ class Trials:
         """Ends trials that nobody flies any more, until it is cancelled."""
         while True:
             live = self._live
-            if live is not None and live.left_s == 0.0 and not self._vehicle.busy:
-                log.warning("nobody has called for %g s: the trial %s is over", live.lease_s, live.episode.id)
+            if live is not None and live.lease.over and not self._vehicle.busy:
+                log.warning("nobody has called for %g s: the trial %s is over", live.lease.lease_s, live.episode.id)
                 await self.end(live.episode.id)
             await asyncio.sleep(min(1.0, self._terms.lease_s / 4.0))
 
@@ -100,7 +98,7 @@ class Trials:
         if self._beginning is None:
             live = self._live
             if live is not None and _same(live.question, question):
-                live.renewed_s = time.monotonic()
+                live.lease.renew()
                 return self.trial(live.episode.id)
             if live is not None:
                 self._must_differ(live.question, question)
@@ -120,17 +118,24 @@ class Trials:
                 self._beginning = None
         return self.trial(live.episode.id)
 
-    async def free(self, key: str | None, owner: str | None) -> None:
-        """Ends the trial that was begun, or is being begun, under this key, or for this owner."""
-        if self._beginning is not None and _is_of(self._beginning[0], key, owner):
+    async def free(self, key: str) -> None:
+        """Ends the trial that was begun, or is being begun, under this key."""
+        await self._free(lambda question: question.key == key)
+
+    async def free_all(self, owner: str) -> None:
+        """Ends the trial that was begun, or is being begun, for this owner."""
+        await self._free(lambda question: question.owner == owner)
+
+    async def _free(self, is_meant: Callable[[EpisodeQuestion], bool]) -> None:
+        if self._beginning is not None and is_meant(self._beginning[0]):
             self._beginning[1].cancel()
             self._beginning = None
-        if self._live is not None and _is_of(self._live.question, key, owner):
+        if self._live is not None and is_meant(self._live.question):
             await self.end(self._live.episode.id)
 
     def found(self, episode_id: str) -> Vehicle:
         """The vehicle of that trial; its lease is renewed. Raises NotFound."""
-        self._find(episode_id).renewed_s = time.monotonic()
+        self._find(episode_id).lease.renew()
         return self._vehicle
 
     def trial(self, episode_id: str) -> Episode:
@@ -140,8 +145,8 @@ class Trials:
             update={
                 "status": "flying" if live.claimed is None else "claimed",
                 "vehicle": self._vehicle.state(),
-                "lease_s": live.lease_s,
-                "expires_in_s": live.left_s,
+                "lease_s": live.lease.lease_s,
+                "expires_in_s": live.lease.left_s,
             }
         )
 
@@ -153,7 +158,7 @@ class Trials:
     async def claim(self, episode_id: str, claim: Claim) -> Verdict:
         """Judged where the vehicle is now. Raises NotFound, Conflict, Unavailable."""
         live = self._find(episode_id)
-        live.renewed_s = time.monotonic()
+        live.lease.renew()
         if live.claimed is None:
             if self._vehicle.busy:
                 raise Conflict("claiming has to wait: the vehicle is on its way", code="move_under_way")
@@ -211,7 +216,8 @@ class Trials:
         )
         body = Body(flight.radius_m, stands_m, terms.reserve)
         self._vehicle.begin(Task(episode.id, cameras, limits, body, Alignment.between(place, foot)))
-        live = _Live(question, episode, question.lease_s or terms.lease_s, cameras)
+        lease = Lease(question.owner, question.lease_s or terms.lease_s, time.monotonic)
+        live = _Live(question, episode, lease, cameras)
         self._live = live
         self._report(live)
         return live
@@ -289,9 +295,4 @@ class Trials:
 
 
 def _same(a: EpisodeQuestion, b: EpisodeQuestion) -> bool:
-    nobody = {"owner": None, "lease_s": None}
-    return a.key is not None and a.model_copy(update=nobody) == b.model_copy(update=nobody)
-
-
-def _is_of(question: EpisodeQuestion, key: str | None, owner: str | None) -> bool:
-    return (key is not None and question.key == key) or (owner is not None and question.owner == owner)
+    return a.key is not None and asked_for(a) == asked_for(b)

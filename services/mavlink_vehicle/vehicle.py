@@ -17,9 +17,9 @@ from contracts.vehicle import (
     VehicleCapabilities,
     VehicleState,
 )
+from episode_kit.cameras import chosen_cameras
 from service_kit.errors import Conflict, Unavailable
 from services.mavlink_vehicle.activity import Activity, over
-from services.mavlink_vehicle.cameras.port import chosen_cameras
 from services.mavlink_vehicle.course import course, distance_m
 from services.mavlink_vehicle.drone import Drone
 from services.mavlink_vehicle.flight_ends import Hit, Interrupted, Stopped, TakenOver

@@ -56,7 +56,7 @@ class Senses:
         """The named cameras' views of one moment, also on the way; all of the rig's where none are named. Raises
         BadQuestion or Unavailable."""
         episode = self._episode
-        chosen = chosen_cameras(episode.rig, cameras)
+        chosen = chosen_cameras(episode.rig.cameras, cameras)
         number = episode.observations + 1
         frozen = episode.has("frozen", number)
         state, pose = episode.state_at_look(number), episode.drone.pose
