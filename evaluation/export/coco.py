@@ -20,8 +20,8 @@ from contracts.events import LookEvent
 from contracts.geometry import Box
 from contracts.images import BadImage, image_header
 from contracts.vlm_gateway import Match
-from evaluation.bench.folder import read_records, read_settings, read_tasks
-from evaluation.export.episodes import CannotExport, Found
+from evaluation.bench.folder import read_settings
+from evaluation.export.episodes import Found, find_flights
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.task_set.task import Task
 from mission.record import read_events
@@ -41,22 +41,12 @@ class ShownPicture(NamedTuple):
 
 def with_pictures(run: Path, *, only_successes: bool = False) -> Found:
     """The tasks of a run whose pictures were kept. Raises BadFolder, CannotExport where there is none."""
-    records = {record.task: record for record in read_records(run)}
-    found, left_out = [], {}
-    for task in read_tasks(run).tasks:
-        record = records.get(task.id)
-        if record is None:
-            left_out[task.id] = "not flown yet"
-        elif not (run / "episodes" / task.id / "events.jsonl").is_file():
-            left_out[task.id] = "flown without --pictures all"
-        elif only_successes and not record.success:
-            left_out[task.id] = f"no success: {record.reason}"
-        else:
-            found.append(task)
-    if not found:
-        why = next(iter(left_out.values()), "it has no tasks")
-        raise CannotExport(f"{run} has no pictures to export ({why}); `logisticsvln bench --pictures all` keeps them")
-    return Found(tuple(found), left_out)
+
+    def lacks(task: Task, _: EpisodeRecord) -> str | None:
+        kept = (run / "episodes" / task.id / "events.jsonl").is_file()
+        return None if kept else "flown without --pictures all"
+
+    return find_flights(run, lacks, only_successes, "pictures", "`logisticsvln bench --pictures all` keeps them")
 
 
 class CocoWriter:

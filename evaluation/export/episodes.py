@@ -5,7 +5,7 @@ made of it, so that an episode is exported whole or not at all.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -107,10 +107,11 @@ class Episode:
 
 
 class Found(NamedTuple):
-    """What of a run can be exported: the flights by task, and of the others why not."""
+    """What of a run can be exported: the flights by task, of the others why not; `records` of all by task."""
 
     tasks: tuple[Task, ...]
     left_out: dict[str, str]
+    records: dict[str, EpisodeRecord]
 
 
 class _Stop(NamedTuple):
@@ -121,29 +122,39 @@ class _Stop(NamedTuple):
     moves: list[FlownEntry]
 
 
-def with_trajectory(run: Path, *, only_successes: bool = False) -> Found:
-    """The tasks of a run whose flights were kept. Raises BadFolder, CannotExport where there is none."""
+def find_flights(
+    run: Path, lacks: Callable[[Task, EpisodeRecord], str | None], only_successes: bool, what: str, remedy: str
+) -> Found:
+    """`lacks` says what a flight has not got. Raises BadFolder, CannotExport where there is none of `what`."""
     records = {record.task: record for record in read_records(run)}
-    found, left_out = [], {}
+    found: list[Task] = []
+    left_out: dict[str, str] = {}
     for task in read_tasks(run).tasks:
         record = records.get(task.id)
         if record is None:
             left_out[task.id] = "not flown yet"
-        elif not record.judged:
-            left_out[task.id] = "a model or a service was out of reach"
-        elif not trajectory_folder(run, task).is_dir():
-            left_out[task.id] = "flown without --trajectories"
+        elif (lacking := lacks(task, record)) is not None:
+            left_out[task.id] = lacking
         elif only_successes and not record.success:
             left_out[task.id] = f"no success: {record.reason}"
         else:
             found.append(task)
     if not found:
         why = next(iter(left_out.values()), "it has no tasks")
-        raise CannotExport(
-            f"{run} has no flight to export ({why}); `logisticsvln bench --trajectories --out {run}` keeps what is "
-            "needed of the flights that it makes"
-        )
-    return Found(tuple(found), left_out)
+        raise CannotExport(f"{run} has no {what} to export ({why}); {remedy}")
+    return Found(tuple(found), left_out, records)
+
+
+def with_trajectory(run: Path, *, only_successes: bool = False) -> Found:
+    """The tasks of a run whose flights were kept. Raises BadFolder, CannotExport where there is none."""
+
+    def lacks(task: Task, record: EpisodeRecord) -> str | None:
+        if not record.judged:
+            return "a model or a service was out of reach"
+        return None if trajectory_folder(run, task).is_dir() else "flown without --trajectories"
+
+    remedy = f"`logisticsvln bench --trajectories --out {run}` keeps what is needed of the flights that it makes"
+    return find_flights(run, lacks, only_successes, "flight", remedy)
 
 
 def trajectory_folder(run: Path, task: Task) -> Path:

@@ -6,7 +6,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from evaluation.bench.folder import read_records
 from evaluation.export import coco
 from evaluation.export.destination import new_folder
 from evaluation.export.episodes import CannotExport, Found, with_trajectory
@@ -69,7 +68,6 @@ def export(
     """Writes `out`, a new folder, as a whole. `limit`: only the first flights; `told` hears how many of how many are
     done. Raises CannotExport, evaluation.bench.folder.BadFolder, OSError."""
     make = _writer(name)
-    records = {record.task: record for record in read_records(run)}
     found = _found(run, name, only_successes)
     tasks = found.tasks[:limit]
     damaged: dict[str, str] = {}
@@ -77,7 +75,7 @@ def export(
         for done, task in enumerate(tasks):
             told(done, len(tasks))
             try:
-                writer.add(task, records[task.id])
+                writer.add(task, found.records[task.id])
             except BadTrajectory as error:
                 damaged[task.id] = str(error)
         if len(damaged) == len(tasks):

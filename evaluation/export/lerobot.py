@@ -32,16 +32,18 @@ from evaluation.export.lerobot_tables import (
     picture_key,
     tasks_table,
 )
-from evaluation.export.lerobot_video import FilmWriter, Placed
+from evaluation.export.lerobot_video import VIDEO_MB, FilmWriter, Placed
 from evaluation.metrics.episode import EpisodeRecord
 from evaluation.task_set.task import Task
 from mission.trajectory import BadTrajectory
 
-FILES_A_CHUNK, DATA_MB, VIDEO_MB = 1000, 100, 200
+FILES_A_CHUNK, DATA_MB = 1000, 100
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
 EPISODES_PATH = "meta/episodes/chunk-000/file-000.parquet"
 _DEFLATE = [cv2.IMWRITE_TIFF_COMPRESSION, 8]
+_Pictures = dict[str, list[NDArray[np.uint8]]]
+_Depths = dict[str, list[NDArray[np.uint16]]]
 
 
 class _Rows(NamedTuple):
@@ -72,10 +74,11 @@ class LeRobotWriter:
         CannotExport where its cameras are others than those before."""
         episode = read_episode(self._run, task, record)
         self._same_cameras(episode)
-        request = self._requests.setdefault(task.request, len(self._requests))
         number, count = len(self._episodes), len(episode.steps)
-        rows = self._rows(episode, number, request)
-        places = self._film(episode, rows.statistics)
+        pictures, depths = self._seen(episode)
+        request = self._requests.setdefault(task.request, len(self._requests))
+        rows = self._rows(episode, number, request, pictures, depths)
+        places = {key: film.add(pictures[key]) for key, film in self._films.items()}
         file = self._write(rows.columns, number)
         self._episodes.append(
             {
@@ -143,7 +146,19 @@ class LeRobotWriter:
                 f"{episode.task.id} was flown with other cameras than the flights before: export it apart"
             )
 
-    def _rows(self, episode: Episode, number: int, request: int) -> _Rows:
+    def _seen(self, episode: Episode) -> tuple[_Pictures, _Depths]:
+        """Pictures and depth of all steps, by the names of their features. Raises BadTrajectory."""
+        pictures: _Pictures = {key: [] for key in self._films}
+        depths: _Depths = {}
+        for step in episode.steps:
+            for view in step.views():
+                pictures[picture_key(view.camera)].append(_rgb(view.jpeg))
+                if view.depth_units is not None:
+                    depths.setdefault(depth_key(view.camera), []).append(view.depth_units)
+                    self._units_m = view.metres_per_unit
+        return pictures, depths
+
+    def _rows(self, episode: Episode, number: int, request: int, pictures: _Pictures, depths: _Depths) -> _Rows:
         steps, count = episode.steps, len(episode.steps)
         ended = np.arange(count) == count - 1
         columns: dict[str, Column] = {
@@ -160,24 +175,11 @@ class LeRobotWriter:
             "task_index": np.full(count, request),
         }
         statistics = {name: of_vectors(np.asarray(values)) for name, values in columns.items()}
-        seen: dict[str, list[NDArray[np.uint16]]] = {}
-        for step in steps:
-            for view in step.views():
-                if view.depth_units is not None:
-                    seen.setdefault(depth_key(view.camera), []).append(view.depth_units)
-                    self._units_m = view.metres_per_unit
-        for name, depths in seen.items():
-            statistics[name] = of_depth(depths, self._units_m)
-            columns[name] = [{"bytes": tiff(depth, self._units_m), "path": None} for depth in depths]
+        for name, maps in depths.items():
+            statistics[name] = of_depth(maps, self._units_m)
+            columns[name] = [{"bytes": tiff(depth, self._units_m), "path": None} for depth in maps]
+        statistics |= {key: of_pictures(frames) for key, frames in pictures.items()}
         return _Rows(columns, statistics)
-
-    def _film(self, episode: Episode, statistics: dict[str, Statistics]) -> dict[str, Placed]:
-        frames: dict[str, list[NDArray[np.uint8]]] = {key: [] for key in self._films}
-        for step in episode.steps:
-            for view in step.views():
-                frames[picture_key(view.camera)].append(_rgb(view.jpeg))
-        statistics.update({key: of_pictures(pictures) for key, pictures in frames.items()})
-        return {key: film.add(frames[key]) for key, film in self._films.items()}
 
     def _write(self, columns: Mapping[str, Column], number: int) -> int:
         """Into the data file under way, or a new one where that is full; which it is."""

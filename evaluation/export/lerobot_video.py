@@ -12,7 +12,8 @@ from service_kit.settings import tell_library
 CODEC, PIXELS = "libsvtav1", "yuv420p"
 OPTIONS = {"crf": "20", "preset": "8", "g": "2", "svtav1-params": "lp=1"}
 """A key frame every other frame, so that any of them is found at once; `crf` 20 keeps what is small and far away."""
-MAX_BYTES = 200 * 1024 * 1024
+VIDEO_MB = 200
+"""A file is ended once it is larger."""
 
 
 class Placed(NamedTuple):
@@ -39,7 +40,7 @@ class FilmWriter:
     def add(self, frames: list[NDArray[np.uint8]]) -> Placed:
         """The frames of one episode, (H, W, 3) RGB each. Raises OSError, av.FFmpegError."""
         film = self._film
-        if film is None or film.size > MAX_BYTES:
+        if film is None or film.size > VIDEO_MB * 1024 * 1024:
             self.close()
             self._file += 1
             self._frames = 0
