@@ -211,7 +211,7 @@ class Drone:
             raise LinkLost("the autopilot has not said for a second where it is")
         return place
 
-    def _there(self, late_s: float, end: Enu, patience: "Patience") -> bool:
+    def _there(self, late_s: float, end: Enu, patience: Patience) -> bool:
         """At a corner, or as near as it asks. Raises StuckOnTheWay."""
         if late_s < 0.0:
             return False

@@ -10,7 +10,7 @@ from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.exceptions import MavsdkError
 from mavsdk.plugins.telemetry import LandedState, StatusTextType
 
-from services.mavlink_vehicle.frames import Enu, Ned, enu_of, yaw_of
+from services.mavlink_vehicle.frames import Ned, enu_of, yaw_of
 from services.mavlink_vehicle.telemetry import MODES, Mode, Telemetry
 
 POSE_HZ, STATE_HZ = 20.0, 2.0
@@ -105,7 +105,7 @@ class Listener:
     def _homed(self, told: Any) -> None:
         place = enu_of(Ned(told.local_north_m, told.local_east_m, told.local_down_m, 0.0))
         if all(map(math.isfinite, place)):
-            self.telemetry.home = Enu(*place)
+            self.telemetry.home = place
 
     def _spoke(self, told: Any) -> None:
         self.telemetry.heard()

@@ -231,7 +231,7 @@ class Vehicle:
         wanted = here if aim is None else self._aligned.pose(aim)
         return wanted if distance_m(here, wanted) <= SET_POINT_TRUSTED_M else here
 
-    async def _over(self, flight: "asyncio.Task[None] | None") -> VehicleState:
+    async def _over(self, flight: asyncio.Task[None] | None) -> VehicleState:
         """Raises Conflict, Unavailable."""
         if flight is not None:
             await over(flight)

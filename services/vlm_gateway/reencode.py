@@ -44,14 +44,15 @@ def scaled_url(picture: ChatPicture, bounds: PictureBounds) -> str:
 
     form, width, height = picture.header
     scale = scale_to(width, height, bounds.max_pixels, bounds.max_side)
-    data = np.frombuffer(pybase64.b64decode(picture.base64), np.uint8)
+    raw = pybase64.b64decode(picture.base64)
+    data = np.frombuffer(raw, np.uint8)
     try:
         pixels = cv2.imdecode(data, _reduced(scale) if form == "jpeg" else cv2.IMREAD_UNCHANGED)
     except cv2.error:
         pixels = None
     if pixels is None:
         raise BadQuestion(f"the {form} picture's data could not be decoded", code="bad_image")
-    if form != "jpeg" and pixels.shape[2:] != (4,) and _has_exif(data.tobytes()):
+    if form != "jpeg" and pixels.shape[2:] != (4,) and _has_exif(raw):
         turned = cv2.imdecode(data, cv2.IMREAD_COLOR)  # what is read unchanged is not turned
         pixels = pixels if turned is None else turned
     if pixels.dtype == np.uint16:

@@ -52,9 +52,6 @@ class Link:
         self.set_points: list[float] = []
         self.commands: list[int] = []
 
-    def close(self) -> None:
-        self._socket.close()
-
     @property
     def _silent(self) -> bool:
         return self._autopilot.time_s < self._autopilot.faults.silent_until_s
