@@ -124,33 +124,33 @@ def events_path(delivery: str) -> str:
     return f"/v1/deliveries/{delivery}/events"
 
 
-def answer_of(call: Call[T], response: httpx.Response) -> T:
+def answer_of(call: Call[T], response: httpx.Response, service: str = SERVICE) -> T:
     """Raises Refused, Garbled."""
-    check(response.status_code, response.content)
+    check(response.status_code, response.content, service)
     try:
         return call.read(response.content)
     except (ValidationError, ValueError) as error:
         said = error.errors()[0]["msg"] if isinstance(error, ValidationError) else str(error)
-        raise Garbled(SERVICE, f"answered {call.method} {call.path} with something else: {said}") from None
+        raise Garbled(service, f"answered {call.method} {call.path} with something else: {said}") from None
 
 
-def check(status: int, body: bytes) -> None:
+def check(status: int, body: bytes, service: str = SERVICE) -> None:
     """Raises Refused for an answer that is an error."""
     if status < 400:
         return
     try:
         said = ErrorBody.model_validate_json(body).error
     except ValidationError:
-        raise Refused(SERVICE, status, "http_error", "answered an error without our error body", {}) from None
-    raise Refused(SERVICE, status, said.code, said.message, said.details)
+        raise Refused(service, status, "http_error", "answered an error without our error body", {}) from None
+    raise Refused(service, status, said.code, said.message, said.details)
 
 
-def unreachable(url: object, error: httpx.TransportError) -> Unreachable:
+def unreachable(url: object, error: httpx.TransportError, service: str = SERVICE) -> Unreachable:
     """The client's error as ours."""
     shown = without_password(str(url))
     if isinstance(error, httpx.TimeoutException):
-        return TimedOut(SERVICE, f"no answer from {shown} in time")
-    return Unreachable(SERVICE, f"can't reach {shown} ({type(error).__name__}: {error})")
+        return TimedOut(service, f"no answer from {shown} in time")
+    return Unreachable(service, f"can't reach {shown} ({type(error).__name__}: {error})")
 
 
 class Listening:

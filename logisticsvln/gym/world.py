@@ -9,12 +9,11 @@ from typing import TypeVar
 import httpx
 from pydantic import BaseModel
 
-from contracts.errors import ErrorBody
 from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
 from contracts.vehicle import Move, MoveResult, Observation
 from launcher.processes import Processes, free_ports
+from logisticsvln import calls
 from logisticsvln.flights import LoopThread
-from service_kit.client import Refused, TimedOut, Unreachable
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
 
@@ -128,15 +127,9 @@ class World:
             _OWN.leave()
 
     def _call(self, method: str, path: str, answer: type[M], question: BaseModel | None = None) -> M:
-        content = None if question is None else question.model_dump_json()
-        headers = {"content-type": "application/json"} if content is not None else {}
+        call = calls.Call(method, path, calls.told(answer), question)
         try:
-            response = self._http.request(method, path, content=content, headers=headers)
-        except httpx.TimeoutException:
-            raise TimedOut("sim", f"no answer from {self._url} within {TIMEOUT_S:g} s") from None
+            response = self._http.request(**call.request())
         except httpx.TransportError as error:
-            raise Unreachable("sim", f"can't reach {self._url} ({type(error).__name__})") from None
-        if response.is_error:
-            said = ErrorBody.model_validate_json(response.content).error
-            raise Refused("sim", response.status_code, said.code, said.message, said.details)
-        return answer.model_validate_json(response.content, extra="ignore")
+            raise calls.unreachable(self._url, error, "sim") from None
+        return calls.answer_of(call, response, "sim")
