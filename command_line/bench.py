@@ -25,7 +25,6 @@ from command_line.bench_setup import (
     open_database,
     read_shard,
     share_of,
-    spread,
     stop_where_given,
     stop_where_queued,
     versions,
@@ -48,6 +47,7 @@ from evaluation.bench.run_settings import RunSettings
 from evaluation.bench.worker import Job
 from evaluation.metrics.summary import Summary
 from evaluation.sim_client import SimulatorFault
+from evaluation.spread import spread
 from evaluation.subtasks.figures import Subtask
 from evaluation.task_set.absent import without_objects
 from evaluation.task_set.generate import CannotGenerate
@@ -202,7 +202,7 @@ def bench(
     stop_without_models(gateway, seeing=backend, parsing=mission.parser_model)
     try:
         chosen = without_objects(task_set()) if absent else task_set()
-        flown = spread(chosen, min(limit or len(chosen.tasks), len(chosen.tasks)))
+        flown = spread(chosen.tasks, limit)
         some = share_of(flown, share)
     except ValueError as error:
         stop(str(error), WRONG_INPUT)

@@ -42,12 +42,6 @@ def chosen_tasks(tasks: str | None, seed: int | None, count: int | None, console
     return lambda: loaded
 
 
-def spread(chosen: TaskSet, count: int) -> list[Task]:
-    """`count` tasks, evenly over the set, so that a small run meets every kind of building."""
-    n = len(chosen.tasks)
-    return [chosen.tasks[k * n // count] for k in range(count)]
-
-
 def model_name(option: str, text: str) -> ModelName:
     """What an option calls a model; ends the command where no model can be called so."""
     try:

@@ -20,9 +20,10 @@ from contracts.base import ModelName
 from evaluation.offline.agreement import OfflineSummary, Price, RaterFigures, summarize_offline
 from evaluation.offline.answers import AnswerFile, ask_all
 from evaluation.offline.human_desk import serve_desk
-from evaluation.offline.questions import Given, NoQuestions, RecordedQuestion, recorded_questions, spread
+from evaluation.offline.questions import Given, NoQuestions, RecordedQuestion, recorded_questions
 from evaluation.offline.truth import true_answers
 from evaluation.sim_client import SimulatorFault, own_simulator
+from evaluation.spread import spread
 from launcher.processes import CannotStart, Processes, free_ports
 from mission.clients import Services
 from mission.ports import PortError

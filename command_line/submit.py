@@ -22,9 +22,10 @@ from evaluation.bench.run_settings import RunSettings
 from evaluation.report.comparison import rate
 from evaluation.report.markup import percent
 from evaluation.report.runs import label_of
+from evaluation.spread import spread
 from evaluation.submission.claims import Finding, Submission, examine, read_submission
 from evaluation.submission.outcomes import digest
-from evaluation.submission.replay import Replayed, fly_again, spread_over
+from evaluation.submission.replay import Replayed, fly_again
 from service_kit.settings import process_environment
 
 RECORDING, CONFIG = "recording.sqlite", "gateway.toml"
@@ -88,7 +89,7 @@ def _seeds(settings: RunSettings) -> str:
 def _replayed(run: Submission, recording: Path | None, limit: int | None, workers: int | None) -> list[Replayed]:
     """Ends the command where the answers are not there, or nothing can be flown."""
     console = Console(stderr=True)
-    tasks = spread_over(run, limit)
+    tasks = spread(list(run.tasks.values()), limit)
     environment = process_environment()
     try:
         with tempfile.TemporaryDirectory(prefix="logisticsvln-") as scratch, bar(console) as progress:

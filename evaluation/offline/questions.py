@@ -130,12 +130,6 @@ def given(question: str, answer: Answer) -> Given:
     )
 
 
-def spread(questions: Sequence[RecordedQuestion], limit: int | None) -> list[RecordedQuestion]:
-    """`limit` of them, evenly over all."""
-    n = len(questions) if limit is None else min(limit, len(questions))
-    return [questions[k * len(questions) // n] for k in range(n)]
-
-
 def _records(place: Path) -> list[Path]:
     if (place / "events.jsonl").is_file():
         return [place]

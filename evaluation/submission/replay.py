@@ -28,13 +28,6 @@ Again: TypeAlias = Coroutine[Any, Any, list[Replayed]]
 """Awaited, it flies. Raises evaluation.bench.run.CannotRun, OSError."""
 
 
-def spread_over(run: Submission, count: int | None) -> list[Task]:
-    """`count` of the run's tasks, evenly over it; all of them where there are no more."""
-    tasks = list(run.tasks.values())
-    n = len(tasks) if count is None else min(count, len(tasks))
-    return [tasks[k * len(tasks) // n] for k in range(n)]
-
-
 def fly_again(
     run: Submission,
     tasks: Sequence[Task],

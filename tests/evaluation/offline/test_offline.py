@@ -33,7 +33,8 @@ from contracts.vlm_gateway import (
 from evaluation.offline.agreement import Price, agree, overlap, summarize_offline
 from evaluation.offline.answers import AnswerFile, ask_all
 from evaluation.offline.human_desk import build_desk
-from evaluation.offline.questions import Given, NoQuestions, RecordedQuestion, recorded_questions, spread
+from evaluation.offline.questions import Given, NoQuestions, RecordedQuestion, recorded_questions
+from evaluation.spread import spread
 from mission.ports import ModelUnreachable
 from mission.record import read_events
 

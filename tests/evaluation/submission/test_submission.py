@@ -16,9 +16,10 @@ from evaluation.bench.folder import BadFolder, RunFolder, read_records, read_set
 from evaluation.bench.run import Run
 from evaluation.bench.worker import Job, Order
 from evaluation.metrics.episode import EpisodeRecord
+from evaluation.spread import spread
 from evaluation.submission.claims import Finding, examine, read_submission
 from evaluation.submission.outcomes import differing, digest, outcome
-from evaluation.submission.replay import fly_again, spread_over
+from evaluation.submission.replay import fly_again
 from evaluation.task_set.task_files import shipped
 from tests.evaluation.bench.made_up_run import InventiveWorker
 from tests.evaluation.evaluation_kit import a_record, a_result, a_task, delivered, run_settings
@@ -134,7 +135,7 @@ class ForgetfulWorker(InventiveWorker):
 
 def test_a_run_flown_again_with_the_same_answers_comes_to_the_same(own: Path, tmp_path: Path) -> None:
     run = read_submission(own)
-    tasks = spread_over(run, None)
+    tasks = spread(list(run.tasks.values()), None)
 
     def again(name: str, worker: type[InventiveWorker]):
         made = fly_again(run, tasks, tmp_path / name, {}, {}, 2, new_worker=lambda job, log: worker(None))
@@ -157,8 +158,8 @@ def test_a_run_flown_again_with_the_same_answers_comes_to_the_same(own: Path, tm
 
 def test_tasks_to_be_flown_again_are_spread_over_the_run(made_up: Path) -> None:
     run = read_submission(made_up)
-    assert [task.id for task in spread_over(run, 3)] == ["vld-300-001", "vld-300-101", "vld-300-201"]
-    assert len(spread_over(run, 99)) == COUNT
+    assert [task.id for task in spread(list(run.tasks.values()), 3)] == ["vld-300-001", "vld-300-101", "vld-300-201"]
+    assert len(spread(list(run.tasks.values()), 99)) == COUNT
 
 
 def test_a_model_whose_answers_are_not_there_cannot_be_checked(own: Path) -> None:
