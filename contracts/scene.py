@@ -246,6 +246,10 @@ class Scene(Wire):
                 )
         return self
 
+    def goal_object(self) -> SceneObject | None:
+        """The thing that marks the customer's window; null where the scene has no goal."""
+        return next((thing for thing in self.objects if thing.id == self.goal), None)
+
     def building(self, building_id: str) -> Building:
         """The building of that id. Raises KeyError."""
         for building in self.buildings:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 from contracts.geometry import Pose
-from contracts.scene import Scene, SceneObject, WindowPlace
+from contracts.scene import Scene, WindowPlace
 from contracts.scene_layout import WindowSlot, window_slot, window_slots
 from contracts.sim import Verdict
 from episode_kit.kinematics import Vector
@@ -64,7 +64,7 @@ def judge(
     """
     here: Vector = (pose.x, pose.y, pose.z)
     claimed = target or here
-    goal = next((o for o in scene.objects if o.id == scene.goal), None)
+    goal = scene.goal_object()
     if goal is None:
         slot = nearest_window(scene, claimed)
         stop = _NOWHERE if slot is None else stop_at_window(scene, slot, sight, here, None)
@@ -87,7 +87,7 @@ def window_of(scene: Scene, place: WindowPlace) -> WindowSlot:
 
 def goal_window(scene: Scene) -> WindowSlot | None:
     """The customer's window, if the scene has a goal that stands at one."""
-    goal: SceneObject | None = next((o for o in scene.objects if o.id == scene.goal), None)
+    goal = scene.goal_object()
     if goal is None or not isinstance(goal.place, WindowPlace):
         return None
     return window_of(scene, goal.place)

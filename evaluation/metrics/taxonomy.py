@@ -135,7 +135,7 @@ def _reason_of_the_flight(task: Task, result: DeliveryResult) -> Reason:
 
 def _normal(task: Task) -> Xy | None:
     """Out of the goal's facade; null for a goal that stands free."""
-    goal = next((o for o in task.scene.objects if o.id == task.scene.goal), None)
+    goal = task.scene.goal_object()
     if goal is None or not isinstance(goal.place, WindowPlace):
         return None
     place = goal.place

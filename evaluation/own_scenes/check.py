@@ -90,7 +90,7 @@ def _start(scene: Scene) -> Iterator[Problem]:
 
 
 def _goal(scene: Scene) -> Iterator[Problem]:
-    goal = next((thing for thing in scene.objects if thing.id == scene.goal), None)
+    goal = scene.goal_object()
     if goal is None:
         yield Problem("warning", "goal: none is named, so nobody judges: a delivery ends as stopped_not_judged")
         return
@@ -125,7 +125,7 @@ def _flown(scene: Scene, simulator: SimClient) -> list[Problem]:
         simulator.close(simulator.open(scene).id)
     except SimulatorFault as error:
         return [Problem("error", str(error))]
-    goal = next((thing for thing in scene.objects if thing.id == scene.goal), None)
+    goal = scene.goal_object()
     if goal is None or not isinstance(goal.place, WindowPlace):
         return []
     try:

@@ -12,11 +12,12 @@ from contracts.cameras import Rig, pinhole_camera
 from contracts.geometry import Point3
 from contracts.images import decode_jpeg
 from contracts.scene import FreePlace, Scene, WindowPlace
-from contracts.scene_layout import WindowSlot, wall_height_m, window_slot
+from contracts.scene_layout import wall_height_m, window_slot
 from contracts.vehicle import Move
 from evaluation.own_scenes.check import Problem
 from evaluation.own_scenes.starts import Start
 from evaluation.sim_client import SimClient
+from evaluation.task_set.shortest import goal_slot
 from service_kit.lettering import BOLD, draw_text, wrapped
 
 Image = NDArray[np.uint8]
@@ -108,8 +109,9 @@ def _looks(scene: Scene) -> list[tuple[str, Callable[[Scene, SimClient], Image]]
         ("From above", _from_above),
         ("What the drone sees first", _first_look),
     ]
-    slot = _goal_slot(scene)
-    return [*looks, ("The goal's window", _at_window)] if slot is not None else looks
+    goal = scene.goal_object()
+    at_window = goal is not None and isinstance(goal.place, WindowPlace)
+    return [*looks, ("The goal's window", _at_window)] if at_window else looks
 
 
 def _from_above(scene: Scene, simulator: SimClient) -> Image:
@@ -132,8 +134,7 @@ def _first_look(scene: Scene, simulator: SimClient) -> Image:
 
 
 def _at_window(scene: Scene, simulator: SimClient) -> Image:
-    slot = _goal_slot(scene)
-    assert slot is not None
+    slot = goal_slot(scene)
     x, y = (slot.centre[i] + slot.normal[i] * _WINDOW_OFF_M for i in (0, 1))
     top = max(wall_height_m(building) for building in scene.buildings) + _OVER_M
     start = scene.start.position
@@ -154,13 +155,6 @@ def _seen(scene: Scene, simulator: SimClient, path: tuple[Point3, ...], yaw: flo
         simulator.close(episode.id)
 
 
-def _goal_slot(scene: Scene) -> WindowSlot | None:
-    place = next((thing.place for thing in scene.objects if thing.id == scene.goal), None)
-    if not isinstance(place, WindowPlace):
-        return None
-    return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
-
-
 def _place_of(scene: Scene, place: WindowPlace | FreePlace) -> tuple[float, float]:
     """On the plan; a window that is not there lies at the building's first corner."""
     if isinstance(place, FreePlace):
@@ -175,7 +169,7 @@ def _place_of(scene: Scene, place: WindowPlace | FreePlace) -> tuple[float, floa
 
 def _title(scene: Scene) -> str:
     target = scene.building(scene.target)
-    goal = next((thing for thing in scene.objects if thing.id == scene.goal), None)
+    goal = scene.goal_object()
     what = "no goal" if goal is None else f"goal: {goal.colour} {goal.kind.replace('_', ' ')}"
     if goal is not None and isinstance(goal.place, WindowPlace):
         what += f" on floor {goal.place.floor}"

@@ -182,7 +182,7 @@ def height_profile(task: Task, flight: Flight, width: int = 300, height: int = 7
 
 
 def _window(task: Task, at: Callable[[float, float], Xy], unit: float) -> list[Html]:
-    goal = next((o for o in task.scene.objects if o.id == task.scene.goal), None)
+    goal = task.scene.goal_object()
     if goal is None or not isinstance(goal.place, WindowPlace):
         x, y = at(task.target.x, task.target.y)
         return [tag("circle", tag("title", "target"), cx=_r(x), cy=_r(y), r=_r(2 * unit), class_="target")]

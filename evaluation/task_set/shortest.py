@@ -44,9 +44,10 @@ class ShortestWay(NamedTuple):
 
 def goal_slot(scene: Scene) -> WindowSlot:
     """The customer's window. Raises ValueError where the goal stands at none."""
-    place = next((o.place for o in scene.objects if o.id == scene.goal), None)
-    if not isinstance(place, WindowPlace):
+    goal = scene.goal_object()
+    if goal is None or not isinstance(goal.place, WindowPlace):
         raise ValueError(f"scene {scene.name} has no goal at a window")
+    place = goal.place
     return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
 
 

@@ -78,7 +78,7 @@ def chosen_by(options: Mapping[str, Any], among: Sequence[Assignment]) -> Assign
 def goal_of(assignment: Assignment) -> Goal | None:
     """None in a scene without a goal."""
     scene = assignment.scene
-    thing = next((o for o in scene.objects if o.id == scene.goal), None)
+    thing = scene.goal_object()
     if thing is None:
         return None
     if isinstance(thing.place, FreePlace):

@@ -100,7 +100,7 @@ def floor_rows(building: Building, pose: Pose, camera: Camera, seen: NDArray[np.
 def fitting_request(scene: Scene) -> frozenset[str]:
     """The ids of the things that floor and object of the request fit: the goal, and what is like it at another window
     of its floor and building. Empty without a goal."""
-    goal = next((o for o in scene.objects if o.id == scene.goal), None)
+    goal = scene.goal_object()
     if goal is None:
         return frozenset()
     return frozenset(o.id for o in scene.objects if o.id == goal.id or _is_like(o, goal))
