@@ -29,9 +29,7 @@ from mission.record import write_whole
 from mission.wording import counted
 
 SCHEMA_FILE = "scene.schema.json"
-ThingKind = Annotated[
-    str | None, typer.Option("--object", help="What marks the customer's window: a class of the catalogue.")
-]
+ThingKind = Annotated[str | None, typer.Option("--object", help="What marks the window: a class of the catalogue.")]
 
 app = typer.Typer(
     help="Scenes of your own: look at one, make one from a few questions or from a map.",
@@ -82,9 +80,7 @@ def new(
     kind: Annotated[BuildingKind | None, typer.Option(help="Of the building.")] = None,
     shape: Annotated[Shape | None, typer.Option(help="Of its ground plan.")] = None,
     floors: Annotated[int | None, typer.Option(min=1, max=40)] = None,
-    thing: Annotated[
-        str | None, typer.Option("--object", help="What marks the window: a class of the catalogue.")
-    ] = None,
+    thing: ThingKind = None,
     colour: Annotated[str | None, typer.Option(help="Of the thing.")] = None,
     floor: Annotated[int | None, typer.Option(min=1, max=40, help="Where it is.")] = None,
     corners: Annotated[
@@ -139,9 +135,7 @@ def from_osm(
         float, typer.Option(min=0, max=300, help="Metres from it that other buildings are taken.")
     ] = 60.0,
     levels: Annotated[int, typer.Option(min=1, max=60, help="Floors of a building that tells none.")] = 3,
-    thing: Annotated[
-        str | None, typer.Option("--object", help="What marks the window: a class of the catalogue.")
-    ] = None,
+    thing: ThingKind = None,
     colour: Annotated[str, typer.Option(help="Of the thing.")] = "red",
     floor: Annotated[int, typer.Option(min=1, max=60, help="Where it is.")] = 2,
     seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Decides whatever the map does not say.")] = 0,

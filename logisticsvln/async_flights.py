@@ -122,8 +122,12 @@ class AsyncLocalServices:
             BadScene: For a file that is no scene.
             Exception: Whatever policy or model raise, after the drone was given back.
         """
-        own = None if isinstance(vision, str) else vision if isinstance(vision, OwnVision) else OwnVision(vision)
-        seeing = vision if isinstance(vision, str) else (own.rest if own else "")
+        own: OwnVision | None = None
+        if isinstance(vision, str):
+            seeing = vision
+        else:
+            own = vision if isinstance(vision, OwnVision) else OwnVision(vision)
+            seeing = own.rest
         if seeing == ORACLE and self._at is None and not self._oracle:
             raise BadDelivery("vision: the oracle needs the simulator's truth: LocalServices(oracle=True)")
         flown_with, given = with_policy(settings or MissionSettings(), policy)
