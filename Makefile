@@ -40,7 +40,7 @@ samples: setup  ## fly all sample deliveries: make samples [BACKEND=oracle]
 	done
 
 test: check .venv/.servers  ## lint, format, types, and the tests, on up to four cores (a redis-server and a PostgreSQL of their own included)
-	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile
+	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800

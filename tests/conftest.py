@@ -26,6 +26,19 @@ class Serve(Protocol):
     def __call__(self, app: ASGIApp, limits: ConnectionLimits | None = None) -> str: ...
 
 
+LONGEST_FIRST = ("evaluation/bench", "system", "services/mavlink_vehicle", "orchestrator", "extending")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files whose tests take seconds each start first: begun last they would keep one process busy, the others idle."""
+
+    def place(item: pytest.Item) -> int:
+        folder = item.path.relative_to(Path(__file__).parent).as_posix()
+        return next((at for at, long in enumerate(LONGEST_FIRST) if folder.startswith(f"{long}/")), len(LONGEST_FIRST))
+
+    items.sort(key=place)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def one_authority(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Everything here is asked over plain HTTP, yet httpx reads the certificates of all public authorities for every
