@@ -17,6 +17,7 @@ from starlette.types import ASGIApp
 
 from service_kit.http_limits import ConnectionLimits
 from service_kit.run import server_config
+from tests.ending import WITH_THE_TESTS
 from tests.postgres import Postgres
 
 
@@ -100,7 +101,18 @@ class RedisProcess:
         program = shutil.which("redis-server")
         if program is None:
             raise RuntimeError("redis-server is not installed; `make test` installs Debian's package redis-server")
-        command = [program, "--port", str(self.port), "--bind", "127.0.0.1", "--save", "", "--appendonly", "no"]
+        command = [
+            *WITH_THE_TESTS,
+            program,
+            "--port",
+            str(self.port),
+            "--bind",
+            "127.0.0.1",
+            "--save",
+            "",
+            "--appendonly",
+            "no",
+        ]
         process = subprocess.Popen([*command, "--dir", str(self._folder)], stdout=subprocess.DEVNULL)
         give_up = time.monotonic() + 20
         while time.monotonic() < give_up:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import psycopg
 
+from tests.ending import WITH_THE_TESTS
+
 PROGRAMS = Path("/usr/lib/postgresql")
 
 
@@ -73,7 +75,7 @@ class Postgres:
             "fsync": "off",
             "max_connections": 200,
         }
-        command: list[object] = [self._programs / "postgres", "-D", self._folder / "data"]
+        command: list[object] = [*WITH_THE_TESTS, self._programs / "postgres", "-D", self._folder / "data"]
         for name, value in options.items():
             command += ["-c", f"{name}={value}"]
         with (self._folder / "log").open("ab") as log:

@@ -16,6 +16,7 @@ from contracts.orchestrator import Delivery, DeliveryList, DeliveryResult
 from service_kit.addresses import Addresses
 from service_kit.settings import process_environment
 from tests.conftest import free_port
+from tests.ending import WITH_THE_TESTS
 
 START_WITHIN_S = 180.0
 """A machine under load takes its time."""
@@ -28,22 +29,26 @@ class OrchestratorDoor:
 
     def __init__(self, url: str) -> None:
         self.url = url
+        # one for all listeners, as making a client takes longer than asking; what is kept open dies with the process
+        self._client = httpx.Client(
+            base_url=url, timeout=30, limits=httpx.Limits(max_connections=None, max_keepalive_connections=0)
+        )
 
     def post(self, **question: object) -> str:
         """The id of a new delivery."""
-        answer = httpx.post(f"{self.url}/v1/deliveries", json=question, timeout=30)
+        answer = self._client.post("/v1/deliveries", json=question)
         assert answer.status_code == 202, answer.text
         return str(answer.json()["id"])
 
     def delivery(self, name: str) -> Delivery:
-        return Delivery.model_validate(httpx.get(f"{self.url}/v1/deliveries/{name}", timeout=30).json())
+        return Delivery.model_validate(self._client.get(f"/v1/deliveries/{name}").json())
 
     def deliveries(self) -> list[Delivery]:
         """All of them, page by page."""
         found: list[Delivery] = []
         before: dict[str, str] = {}
         while True:
-            answer = httpx.get(f"{self.url}/v1/deliveries", params={"limit": 200} | before, timeout=30)
+            answer = self._client.get("/v1/deliveries", params={"limit": 200} | before)
             page = DeliveryList.model_validate(answer.json())
             found += page.deliveries
             if page.next is None:
@@ -55,8 +60,8 @@ class OrchestratorDoor:
         found: list[Event] = []
         headers = {"Last-Event-ID": str(after)}
         with contextlib.suppress(httpx.TransportError):
-            address = f"{self.url}/v1/deliveries/{name}/events"
-            with httpx.stream("GET", address, headers=headers, timeout=60) as answer:
+            address = f"/v1/deliveries/{name}/events"
+            with self._client.stream("GET", address, headers=headers, timeout=60) as answer:
                 for line in answer.iter_lines():
                     if line.startswith("data: {") and line != "data: {}":
                         found.append(read_event(line.removeprefix("data: ")))
@@ -85,13 +90,16 @@ class OrchestratorProcess(OrchestratorDoor):
 
     def start(self) -> None:
         """Returns when it answers."""
-        command = [sys.executable, "-m", "orchestrator"]
+        command = [*WITH_THE_TESTS, sys.executable, "-m", "orchestrator"]
         with self._log.open("ab") as log:
-            self._process = subprocess.Popen(command, env=self._environment, stdout=log, stderr=log)
+            # a session of its own: on a loaded machine each process, not all tests together, gets its share
+            self._process = subprocess.Popen(
+                command, env=self._environment, stdout=log, stderr=log, start_new_session=True
+            )
         give_up = time.monotonic() + START_WITHIN_S
         while True:
             with contextlib.suppress(httpx.TransportError):
-                if httpx.get(f"{self.url}/healthz").status_code == 200:
+                if self._client.get("/healthz").status_code == 200:
                     return
             if self._process.poll() is not None or time.monotonic() > give_up:
                 raise RuntimeError(f"the orchestrator did not start: {self.log()[-2000:]}")

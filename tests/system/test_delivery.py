@@ -23,6 +23,7 @@ from mission.record import read_events
 from orchestrator import sample_library
 from orchestrator.delivery import Order, Run
 from service_kit.addresses import FLIGHT_SERVICES, Addresses
+from tests.ending import WITH_THE_TESTS
 
 SMALL = MissionSettings(image_size=320)
 SAMPLE = "green-flower-pot"
@@ -149,6 +150,7 @@ def test_over_rest_the_events_stream_and_can_be_replayed(orchestrator_url: str) 
 def deliver(*arguments: str, at: Addresses, runs: Path) -> subprocess.Popen[str]:
     urls = ",".join(f"{name}={url}" for name, url in vars(at).items())
     command = [sys.executable, "-m", "command_line", "deliver", *arguments, "--services", urls, "--out", str(runs)]
+    command = [*WITH_THE_TESTS, *command]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=dict(os.environ))
 

@@ -16,6 +16,7 @@ import pytest
 from contracts.base import Name
 from evaluation.task_set.task import Task
 from evaluation.task_set.task_files import lines_of
+from tests.ending import WITH_THE_TESTS
 from tests.evaluation.bench.made_up_run import COUNT, Doom, fly_made_up
 from tests.evaluation.evaluation_kit import a_task
 from tests.postgres import Postgres
@@ -36,6 +37,7 @@ def write(folder: Path, count: int) -> Path:
 
 def start(*arguments: str | Path, folder: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "command_line", "bench", *map(str, arguments), "--out", str(folder), "--json"]
+    command = [*WITH_THE_TESTS, *command]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
 
 
@@ -137,7 +139,7 @@ def test_a_run_queued_for_workers_on_two_machines_has_the_tables_of_one_in_a_sin
     tmp_path: Path, postgres: Postgres
 ) -> None:
     set_of_tasks, url = write(tmp_path, 6), postgres.database()
-    command = [sys.executable, "-m", "command_line", "worker", "--database", url, "--workers", "1"]
+    command = [*WITH_THE_TESTS, sys.executable, "-m", "command_line", "worker", "--database", url, "--workers", "1"]
     machines = [
         subprocess.Popen([*command, "--logs", str(tmp_path / str(n))], stdout=subprocess.PIPE, text=True)
         for n in range(2)

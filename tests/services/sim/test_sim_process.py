@@ -18,11 +18,12 @@ from contracts.scene import Scene
 from contracts.sim import Catalogue, Episode, Truth
 from contracts.vehicle import Observation
 from tests.cameras import camera_json
+from tests.ending import WITH_THE_TESTS
 
 
 def spawn(**settings: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "services.sim"],
+        [*WITH_THE_TESTS, sys.executable, "-m", "services.sim"],
         env=os.environ | settings,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

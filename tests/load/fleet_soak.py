@@ -1,0 +1,136 @@
+"""Does a process grow? All services for an hour, one delivery after the other, each in a street that is new.
+
+    python -m tests.load.fleet_soak --minutes 60
+
+Real services; the oracle answers most deliveries, the embedded model every fourth. Each delivery's events are listened
+to, and the pages' lists, a picture and the figures are asked for. Memory is read between two deliveries, when nothing
+is under way. The code is 1 where a service grows by more than 1 MB an hour, its first minutes left out.
+"""
+
+import argparse
+import asyncio
+import json
+import statistics
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import httpx
+
+from contracts.sim import Catalogue
+from evaluation.model_evaluation.cases import street
+from launcher.processes import Processes, free_ports, oracle_settings
+from service_kit.addresses import PORTS
+from service_kit.settings import process_environment
+from tests.system.orchestrator_process import OrchestratorDoor, heard
+
+FIRST_SEED = 80_000
+EMBEDDED_EVERY = 4
+MB_AN_HOUR = 1.0
+WARM_SHARE = 1 / 3
+SETTLE_S = 1.0
+SETTINGS = {"image_size": 160, "max_exploration_steps": 6}
+
+
+class Sample(NamedTuple):
+    """Resident memory of each service in MB, so many hours after the beginning."""
+
+    hours: float
+    deliveries: int
+    mb: Mapping[str, float]
+
+
+class Slope(NamedTuple):
+    """MB an hour, and the standard error of that."""
+
+    mb_an_hour: float
+    error: float
+
+
+def resident_mb(pid: int) -> float:
+    lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    return sum(int(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
+
+
+def read(services: Processes, hours: float, deliveries: int) -> Sample:
+    return Sample(hours, deliveries, {child.name: resident_mb(child.process.pid) for child in services.children})
+
+
+def slope(samples: list[Sample], service: str) -> Slope:
+    hours, mb = [s.hours for s in samples], [s.mb[service] for s in samples]
+    line = statistics.linear_regression(hours, mb)
+    left = [y - line.slope * x - line.intercept for x, y in zip(hours, mb, strict=True)]
+    spread = sum((x - statistics.fmean(hours)) ** 2 for x in hours)
+    return Slope(line.slope, (sum(y * y for y in left) / (len(left) - 2) / spread) ** 0.5)
+
+
+def deliver(door: OrchestratorDoor, catalogue: Catalogue, number: int) -> str:
+    """One delivery in a new street, looked at as a page does; its outcome."""
+    new = street(FIRST_SEED + number, catalogue)
+    request = f"Bring it to floor {new.floor}, the window with the {new.object}."
+    backend = "embedded" if number % EMBEDDED_EVERY == 0 else "oracle"
+    name = door.post(request=request, scene=new.scene.model_dump(mode="json"), backend=backend, settings=SETTINGS)
+    events = heard(door, name)
+    picture = next(file for event in events for file in event.pictures)
+    paths = (f"/v1/deliveries/{name}/files/{picture}", "/v1/overview", "/v1/deliveries", "/v1/vehicles", "/metrics")
+    for path in paths:
+        httpx.get(door.url + path, timeout=30).raise_for_status()
+    result = door.delivery(name).result
+    assert result is not None
+    return result.outcome
+
+
+def soak(services: Processes, minutes: float, every_s: float) -> list[Sample]:
+    urls = {child.name: child.url for child in services.children}
+    catalogue = Catalogue.model_validate(httpx.get(f"{urls['sim']}/v1/catalogue", timeout=30).json())
+    door = OrchestratorDoor(urls["orchestrator"])
+    samples: list[Sample] = []
+    began = time.monotonic()
+    number = 0
+    while (now := time.monotonic()) < began + minutes * 60:
+        outcome = deliver(door, catalogue, number)
+        number += 1
+        time.sleep(max(SETTLE_S, now + every_s - time.monotonic()))
+        samples.append(read(services, (time.monotonic() - began) / 3600, number))
+        say({"delivery": number, "outcome": outcome} | {k: round(v, 1) for k, v in samples[-1].mb.items()})
+    return samples
+
+
+def say(facts: Mapping[str, object]) -> None:
+    sys.stdout.write(json.dumps(facts) + "\n")
+    sys.stdout.flush()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=60.0)
+    parser.add_argument("--every", type=float, default=10.0, help="seconds from one post to the next, at least")
+    asked = parser.parse_args()
+    ports = free_ports(PORTS)
+    with tempfile.TemporaryDirectory() as folder:
+        extra = oracle_settings(ports) | {"orchestrator": {"RUNS_DIR": str(Path(folder) / "runs")}}
+        extra["vlm_gateway"] |= {"CACHE_PATH": str(Path(folder) / "answers.sqlite")}
+        services = Processes(ports, Path(folder) / "logs", environment=process_environment(), extra=extra)
+        try:
+            services.start()
+            asyncio.run(services.ready())
+            samples = soak(services, asked.minutes, asked.every)
+        finally:
+            services.stop()
+    warm = samples[int(len(samples) * WARM_SHARE) :]
+    slopes = {name: slope(warm, name) for name in ports}
+    for name, found in slopes.items():
+        first, last = warm[0].mb[name], warm[-1].mb[name]
+        say(
+            {"service": name, "mb": [round(first, 1), round(last, 1)]}
+            | {k: round(v, 2) for k, v in found._asdict().items()}
+        )
+    say({"deliveries": samples[-1].deliveries, "from_hours": round(warm[0].hours, 2)})
+    sys.exit(0 if all(found.mb_an_hour < MB_AN_HOUR for found in slopes.values()) else 1)
+
+
+if __name__ == "__main__":
+    main()
