@@ -59,6 +59,7 @@ MAX_WORKERS = 64
 app = typer.Typer(
     invoke_without_command=True,
     subcommand_metavar="[merge RUN...]",
+    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NoReturn
 
 import typer
+from pydantic import BaseModel, Field, ValidationError
 from rich.console import Console
 from rich.table import Table
 
@@ -17,6 +18,7 @@ from command_line.bench_setup import model_name
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, interruptible, stop
 from command_line.preflight import stop_without_models
 from contracts.base import ModelName
+from contracts.errors import first_problem
 from evaluation.offline.agreement import OfflineSummary, Price, RaterFigures, summarize_offline
 from evaluation.offline.answers import AnswerFile, ask_all
 from evaluation.offline.human_desk import serve_desk
@@ -90,17 +92,31 @@ def ask_offline(
         stop(f"{silent} questions were not answered: the model was out of reach; the same command asks again", FAILED)
 
 
+class _Priced(BaseModel):
+    """What stands about prices in a model's part of the gateway's configuration; the gateway reads the rest."""
+
+    usd_per_million_prompt: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
+    usd_per_million_completion: float = Field(default=0.0, ge=0.0, allow_inf_nan=False)
+
+
+class _Priceable(BaseModel):
+    models: dict[str, _Priced] = {}
+
+
 def prices_of(config: str | None) -> dict[str, Price]:
-    """Of the gateway's models that have one. Raises ValueError, OSError."""
+    """Of the gateway's models that have one. Raises ValueError where the file can't be read as such."""
     if not config:
         return {}
-    models = tomllib.loads(Path(config).read_text(encoding="utf-8")).get("models", {})
-    found = {}
-    for alias, model in models.items():
-        price = Price(*(float(model.get(f"usd_per_million_{part}", 0.0)) for part in Price._fields))
-        if any(price):
-            found[alias] = price
-    return found
+    try:
+        found = _Priceable.model_validate(tomllib.loads(Path(config).read_text(encoding="utf-8")))
+    except ValidationError as error:
+        raise ValueError(f"GATEWAY_CONFIG: {config}: {first_problem(error)}") from None
+    except OSError as error:
+        raise ValueError(f"GATEWAY_CONFIG: {config}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"GATEWAY_CONFIG: {config} is no TOML: {error}") from None
+    prices = {a: Price(m.usd_per_million_prompt, m.usd_per_million_completion) for a, m in found.models.items()}
+    return {alias: price for alias, price in prices.items() if any(price)}
 
 
 def _in_flight(questions: list[RecordedQuestion]) -> dict[str, Mapping[str, Given]]:

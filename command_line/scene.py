@@ -34,6 +34,7 @@ ThingKind = Annotated[str | None, typer.Option("--object", help="What marks the 
 app = typer.Typer(
     help="Scenes of your own: look at one, make one from a few questions or from a map.",
     no_args_is_help=True,
+    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -69,7 +70,8 @@ def preview(
         typer.echo(json.dumps(told, ensure_ascii=False))
     else:
         _tell(problems)
-        typer.echo(f"{counted(len(starts), 'place')} to start from; {path}")
+        found = f"{counted(len(problems), 'problem')} found" if problems else "no problem found"
+        typer.echo(f"{found}; {counted(len(starts), 'place')} to start from; {path}")
     if not sound:
         raise typer.Exit(FAILED)
 

@@ -22,6 +22,7 @@ from mission.wording import counted
 app = typer.Typer(
     help="The task set: make fresh ones, look at single tasks, count what is in them.",
     no_args_is_help=True,
+    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

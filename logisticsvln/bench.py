@@ -76,11 +76,15 @@ class RemoteBench:
     def done(self, delivery: Delivery) -> None:
         """A delivery has ended."""
         task, result = self._task_of[delivery.id], delivery.result
+        reason = reason_of(task, result)
+        error = "the orchestrator has no result of it" if result is None else None
+        if result is not None and reason == "error":
+            error = result.message
         record = EpisodeRecord(
             task=task.id,
-            reason=reason_of(task, result),
+            reason=reason,
             result=result,
-            error=None if result is not None else "the orchestrator has no result of it",
+            error=error,
             started=delivery.started or delivery.created,
             wall_s=result.timings_s.get("total", 0.0) if result else 0.0,
             render_s=result.timings_s.get("render", 0.0) if result else 0.0,

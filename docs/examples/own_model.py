@@ -12,18 +12,18 @@ HUES = {"red": 0, "yellow": 27, "green": 65, "blue": 108, "purple": 140}
 
 
 def by_colour(views: Sequence[CameraPicture], phrase: str) -> list[Match]:
-    """The largest patch of the colour that the phrase names, in each view that has one."""
-    matches = []
+    """The largest patch, over all views, of the colour that the phrase names: it can't tell a kite from a wrench."""
+    largest, matches = 40, []
     for view in views:
         hsv = cv2.cvtColor(view.rgb, cv2.COLOR_RGB2HSV).astype(int)
         near = abs(hsv[..., 0] - HUES[phrase.split()[0]]) < 12
         patch = (near & (hsv[..., 1] > 130) & (hsv[..., 2] > 60)).astype(np.uint8)
         _, _, stats, _ = cv2.connectedComponentsWithStats(patch)
         x, y, width, height, area = max(stats[1:], key=lambda one: int(one[4]), default=(0, 0, 0, 0, 0))
-        if view.camera is not None and area > 40:
-            side = view.rgb.shape[0]
+        if view.camera is not None and area > largest:
+            side, largest = view.rgb.shape[0], area
             box = Box(x_min=x / side, y_min=y / side, x_max=(x + width) / side, y_max=(y + height) / side)
-            matches.append(Match(camera=view.camera.name, box=box, confidence=0.9))
+            matches = [Match(camera=view.camera.name, box=box, confidence=0.9)]
     return matches
 
 

@@ -5,7 +5,7 @@ Format: https://wiki.openstreetmap.org/wiki/OSM_XML. Nothing is fetched.
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,11 +27,13 @@ class LatLon(NamedTuple):
 
 
 class OsmBuilding(NamedTuple):
-    """`id` as in `way/123`; `outline` in metres about the map's middle, as it was drawn; `tags` as they stand."""
+    """`id` as in `way/123`; `outline` in metres about the map's middle, as it was drawn; `tags` as they stand;
+    `courtyards`: the inner rings that it has."""
 
     id: str
     outline: tuple[Xy, ...]
     tags: dict[str, str]
+    courtyards: int = 0
 
 
 class OsmRoad(NamedTuple):
@@ -40,13 +42,13 @@ class OsmRoad(NamedTuple):
 
 
 class OsmMap(NamedTuple):
-    """`middle` is where (0, 0) lies; `in_pieces`: buildings left out, as their outline is made of several ways."""
+    """`middle` is where (0, 0) lies; `cut_off`: buildings left out, as the extract has not all of their outline."""
 
     middle: LatLon
     buildings: tuple[OsmBuilding, ...]
     roads: tuple[OsmRoad, ...]
     trees: tuple[Xy, ...]
-    in_pieces: int
+    cut_off: int
 
     def place(self, at: LatLon) -> Xy:
         """Metres east and north of the middle; a plane is good enough over some hundred metres."""
@@ -63,11 +65,20 @@ class _Way(NamedTuple):
         return len(self.nodes) > 3 and self.nodes[0] == self.nodes[-1]
 
 
+class _Multipolygon(NamedTuple):
+    """`outers` and `inners`: ids of the ways that its rings are made of."""
+
+    id: str
+    outers: tuple[str, ...]
+    inners: tuple[str, ...]
+    tags: dict[str, str]
+
+
 class _Raw(NamedTuple):
     nodes: dict[str, LatLon]
     trees: list[LatLon]
     ways: dict[str, _Way]
-    multipolygons: list[tuple[str, list[str], dict[str, str]]]
+    multipolygons: list[_Multipolygon]
 
 
 def read_map(path: Path) -> OsmMap:
@@ -106,10 +117,11 @@ def _parsed(path: Path) -> _Raw:
             nodes = tuple(child.attrib["ref"] for child in element if child.tag == "nd")
             raw.ways[element.attrib["id"]] = _Way(element.attrib["id"], nodes, _tags(element))
         elif element.tag == "relation":
-            tags = _tags(element)
-            members = [child for child in element if child.tag == "member" and child.get("role") in ("outer", "")]
-            if tags.get("type") == "multipolygon" and "building" in tags:
-                raw.multipolygons.append((element.attrib["id"], [m.attrib["ref"] for m in members], tags))
+            if (tags := _tags(element)).get("type") == "multipolygon":
+                members = [child for child in element if child.tag == "member" and child.get("type") == "way"]
+                outers = tuple(member.attrib["ref"] for member in members if member.get("role") != "inner")
+                inners = tuple(member.attrib["ref"] for member in members if member.get("role") == "inner")
+                raw.multipolygons.append(_Multipolygon(element.attrib["id"], outers, inners, tags))
         else:
             continue
         element.clear()
@@ -123,26 +135,75 @@ def _tags(element: ElementTree.Element) -> dict[str, str]:
 def _map_of(raw: _Raw) -> OsmMap:
     middle = _middle(raw.nodes.values())
 
-    def places(way: _Way) -> tuple[Xy, ...]:
+    def places(nodes: Iterable[str]) -> tuple[Xy, ...]:
         # an extract may cut a way off: then its last nodes are not in it
-        return tuple(_projected(raw.nodes[node], middle) for node in way.nodes if node in raw.nodes)
+        return tuple(_projected(raw.nodes[node], middle) for node in nodes if node in raw.nodes)
 
-    ways = list(raw.ways.values())
-    buildings = [
-        OsmBuilding(f"way/{way.id}", places(way)[:-1], way.tags)
-        for way in ways
-        if way.closed and way.tags.get("building", "no") != "no" and len(places(way)) == len(way.nodes)
-    ]
-    in_pieces = 0
-    for number, outers, tags in raw.multipolygons:
-        found = [raw.ways[outer] for outer in outers if outer in raw.ways]
-        if len(outers) == 1 and found and found[0].closed and len(places(found[0])) == len(found[0].nodes):
-            buildings.append(OsmBuilding(f"relation/{number}", places(found[0])[:-1], tags))
-        else:
-            in_pieces += 1
-    roads = [OsmRoad(places(way), way.tags) for way in ways if "highway" in way.tags and len(places(way)) > 1]
+    buildings: list[OsmBuilding] = []
+    cut_off = 0
+    drawn_by_relation: set[str] = set()
+    for relation in raw.multipolygons:
+        tags = _building_tags(relation, raw.ways)
+        if not _is_building(tags):
+            continue
+        drawn_by_relation.update(relation.outers)
+        rings = _rings(relation.outers, raw.ways)
+        if rings is None or any(len(places(ring)) < len(ring) for ring in rings):
+            cut_off += 1
+            continue
+        courtyards = [places(ring) for ring in _rings(relation.inners, raw.ways) or ()]
+        for number, ring in enumerate(rings, 1):
+            name = f"relation/{relation.id}" + (f"-{number}" if len(rings) > 1 else "")
+            outline = places(ring[:-1])
+            buildings.append(OsmBuilding(name, outline, tags, sum(_inside(yard, outline) for yard in courtyards)))
+    for way in raw.ways.values():
+        if way.closed and _is_building(way.tags) and way.id not in drawn_by_relation:
+            if len(places(way.nodes)) == len(way.nodes):
+                buildings.append(OsmBuilding(f"way/{way.id}", places(way.nodes[:-1]), way.tags))
+            else:
+                cut_off += 1
+    drawn = [(places(way.nodes), way.tags) for way in raw.ways.values() if "highway" in way.tags]
+    roads = tuple(OsmRoad(points, tags) for points, tags in drawn if len(points) > 1)
     trees = tuple(_projected(tree, middle) for tree in raw.trees)
-    return OsmMap(middle, tuple(buildings), tuple(roads), trees, in_pieces)
+    return OsmMap(middle, tuple(buildings), roads, trees, cut_off)
+
+
+def _is_building(tags: dict[str, str]) -> bool:
+    return tags.get("building", "no") != "no"
+
+
+def _inside(ring: Sequence[Xy], outline: Sequence[Xy]) -> bool:
+    from shapely import Polygon  # heavy, and only needed here
+
+    return len(ring) > 3 and bool(Polygon(outline).buffer(0).covers(Polygon(ring).representative_point()))
+
+
+def _building_tags(relation: _Multipolygon, ways: dict[str, _Way]) -> dict[str, str]:
+    """Those of the relation, or, as older maps have them, of its only outer way."""
+    if "building" not in relation.tags and len(relation.outers) == 1 and relation.outers[0] in ways:
+        return ways[relation.outers[0]].tags
+    return relation.tags
+
+
+def _rings(members: Sequence[str], ways: dict[str, _Way]) -> list[tuple[str, ...]] | None:
+    """The closed rings of nodes (the first again at the end) that these ways make, joined at their ends in whatever
+    order and direction they were drawn; None where one is not in the extract or they do not close."""
+    if not members or any(member not in ways for member in members):
+        return None
+    left = [ways[member].nodes for member in members]
+    rings = []
+    while left:
+        ring = left.pop(0)
+        while ring[:1] != ring[-1:]:
+            following = next((way for way in left if ring[-1] in (way[:1] + way[-1:])), None)
+            if following is None:
+                return None
+            left.remove(following)
+            ring += following[1:] if following[0] == ring[-1] else following[-2::-1]
+        if len(ring) < 4:
+            return None
+        rings.append(ring)
+    return rings
 
 
 def _middle(places: Iterable[LatLon]) -> LatLon:

@@ -42,7 +42,8 @@ class Thing(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """`target`: a building's id (`way/123`, or the number alone); else the one nearest to `at`, or to the map's middle.
+    """`target`: a building's id (`way/123`, `relation/45`, or the number alone); else the one nearest to `at`, or to the
+    map's middle.
     `around_m`: how far from it others are taken; `levels`: of a building that says none."""
 
     name: str
@@ -69,7 +70,7 @@ def scene_of(found: OsmMap, wanted: Wanted) -> FromMap:
     if isinstance(built, str):
         raise BadMap(f"{target.id}: {built}; choose another building with --target or --at")
     outline = floor_outline(built, 1)
-    others: list[tuple[float, Building]] = []
+    others: list[tuple[float, Building, OsmBuilding]] = []
     unsound = 0
     for other in found.buildings:
         if other is target or math.dist(_centre(other.outline), middle) > wanted.around_m + 200.0:
@@ -78,8 +79,9 @@ def scene_of(found: OsmMap, wanted: Wanted) -> FromMap:
         if isinstance(made, str):
             unsound += 1
         elif (gap_m := outlines_gap(outline, floor_outline(made, 1))) <= wanted.around_m:
-            others.append((gap_m, made))
-    neighbours = [made for _, made in sorted(others, key=lambda pair: pair[0])][:MAX_NEIGHBOURS]
+            others.append((gap_m, made, other))
+    taken = sorted(others, key=lambda each: each[0])[:MAX_NEIGHBOURS]
+    neighbours = [made for _, made, _ in taken]
     buildings = (built, *neighbours)
     reach = max(max(abs(p.x), abs(p.y)) for b in buildings for p in b.footprint) + _EDGE_M
     ground = _ground(found, middle, buildings, min(500.0, max(60.0, reach)))
@@ -92,9 +94,15 @@ def scene_of(found: OsmMap, wanted: Wanted) -> FromMap:
     ]
     if silent:
         told.append(f"{silent} of the map's {len(found.buildings)} buildings tell no levels: {wanted.levels} are taken")
-    if found.in_pieces or unsound:
-        pieces = counted(found.in_pieces, "building")
-        told.append(f"left out: {pieces} in several pieces, {unsound} with an outline that is none")
+    if found.cut_off or unsound:
+        cut_off = counted(found.cut_off, "building")
+        told.append(f"left out: {cut_off} of which the map has a part, {unsound} with an outline that is none")
+    if target.courtyards:
+        told.append(
+            f"{target.id} has {counted(target.courtyards, 'courtyard')}: built over, so no window looks into it"
+        )
+    if beside := sum(source.courtyards > 0 for _, _, source in taken):
+        told.append(f"{counted(beside, 'other building')} with a courtyard, built over as well")
     return FromMap(scene, tuple(told))
 
 
@@ -104,7 +112,7 @@ def _chosen(found: OsmMap, wanted: Wanted) -> OsmBuilding:
     if wanted.target is not None:
         asked = wanted.target if "/" in wanted.target else f"way/{wanted.target}"
         for building in found.buildings:
-            if building.id == asked:
+            if building.id in (asked, f"relation/{wanted.target}"):
                 return building
         some = ", ".join(building.id for building in found.buildings[:5])
         raise BadMap(f"the map has no building {asked}; it has {some}{', ...' if len(found.buildings) > 5 else ''}")

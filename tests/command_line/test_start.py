@@ -49,6 +49,7 @@ def test_a_command_loads_no_other() -> None:
 def test_every_command_that_is_listed_is_there(name: str) -> None:
     helped = CliRunner().invoke(app, [name, "--help"])
     assert helped.exit_code == 0
+    assert "--install-completion" not in helped.stdout
     assert f"logisticsvln {name}" in helped.stdout or f"{name} [OPTIONS]" in helped.stdout
 
 

@@ -1,6 +1,7 @@
 """Recorded looks asked again: the same questions, each answered once, agreement told by the answers alone."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -248,6 +249,26 @@ def test_prices_are_those_of_the_gateways_configuration(tmp_path: Path) -> None:
     config.write_text('[models.a]\nusd_per_million_prompt = 3\n[models.b]\nbackend = "embedded"\n')
     assert prices_of(str(config)) == {"a": Price(3.0, 0.0)}
     assert prices_of(None) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("models = 3", "models: Input should be a valid dictionary"),
+        ("models = {a = 3}", "models.a"),
+        ('[models.a]\nusd_per_million_prompt = "dear"', "models.a.usd_per_million_prompt"),
+        ("[models.a]\nusd_per_million_completion = -1", "models.a.usd_per_million_completion"),
+        ("[models", "is no TOML"),
+        ("\udcff", "is no TOML"),
+    ],
+)
+def test_prices_that_cannot_be_read_are_told_with_file_and_place(tmp_path: Path, text: str, problem: str) -> None:
+    config = tmp_path / "gateway.toml"
+    config.write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(ValueError, match=r"GATEWAY_CONFIG: .*gateway\.toml.*" + re.escape(problem)):
+        prices_of(str(config))
+    with pytest.raises(ValueError, match="nowhere"):
+        prices_of(str(tmp_path / "nowhere"))
 
 
 @pytest.mark.slow

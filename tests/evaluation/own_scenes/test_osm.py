@@ -1,6 +1,7 @@
 """Scenes from OpenStreetMap extracts: what is taken, what is assumed, what is refused."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -103,14 +104,50 @@ def test_the_building_nearest_to_a_place_or_to_the_middle_is_taken(tmp_path: Pat
     assert scene_of(found, Wanted("street", around_m=5.0)).scene.target == "way-100"
 
 
+def relation(number: int, outers: list[int], inners: Sequence[int] = (), **tags: str) -> str:
+    members = [(way, "outer") for way in outers] + [(way, "inner") for way in inners]
+    told = "".join(f'<member type="way" ref="{way}" role="{role}"/>' for way, role in members)
+    return f'<relation id="{number}">{told}{tags_of({"type": "multipolygon"} | tags)}</relation>'
+
+
 def test_what_is_no_building_is_left_out_and_said(tmp_path: Path) -> None:
     made = street().way(200, [(60, 0), (70, 10), (70, 0), (60, 10)], building="yes")
-    made.lines.append(
-        '<relation id="9"><member type="way" ref="1" role="outer"/><member type="way" ref="2" role="outer"/>'
-        '<tag k="type" v="multipolygon"/><tag k="building" v="yes"/></relation>'
-    )
+    made.lines.append(relation(9, [1, 2], building="yes"))
     told = scene_of(read_map(made.write(tmp_path)), Wanted("street", target="100")).told
-    assert told[-1] == "left out: 1 building in several pieces, 1 with an outline that is none"
+    assert told[-1] == "left out: 1 building of which the map has a part, 1 with an outline that is none"
+
+
+def test_an_outline_in_several_ways_is_put_together_in_whatever_direction_they_were_drawn(tmp_path: Path) -> None:
+    made = Extract()
+    corners = [made.node(*corner) for corner in box(0, 0, 30, 20)]
+    for number, refs in ((1, corners[:3]), (2, [corners[0], corners[3]]), (3, corners[2:])):
+        made.lines.append(f'<way id="{number}">{"".join(f"""<nd ref="{ref}"/>""" for ref in refs)}</way>')
+    made.lines.append(relation(9, [1, 2, 3], building="school"))
+    scene = scene_of(read_map(made.write(tmp_path)), Wanted("school", target="9")).scene
+    xs, ys = zip(*floor_outline(scene.buildings[0], 1), strict=True)
+    assert scene.target == "relation-9"
+    assert (max(xs) - min(xs), max(ys) - min(ys)) == pytest.approx((30.0, 20.0), abs=0.05)
+
+
+def test_a_courtyard_is_built_over_and_said(tmp_path: Path) -> None:
+    made = street().way(1, box(0, 90, 40, 30)).way(2, box(10, 100, 20, 10)).way(3, box(60, 90))
+    made.lines.append(relation(9, [1, 3], [2], building="yes"))
+    found = read_map(made.write(tmp_path))
+    assert {building.id: building.courtyards for building in found.buildings if "relation" in building.id} == {
+        "relation/9-1": 1,
+        "relation/9-2": 0,
+    }
+    told = scene_of(found, Wanted("block", target="relation/9-1")).told
+    assert "relation/9-1 has 1 courtyard: built over, so no window looks into it" in told
+    told = scene_of(found, Wanted("block", target="way/102")).told
+    assert "1 other building with a courtyard, built over as well" in told
+
+
+def test_an_outer_way_with_the_tags_of_its_building_is_one_building(tmp_path: Path) -> None:
+    made = Extract().way(1, box(0, 0, 40, 30), building="yes", building__levels="6").way(2, box(10, 10, 20, 10))
+    made.lines.append(relation(9, [1], [2]))
+    found = read_map(made.write(tmp_path))
+    assert [(b.id, b.courtyards, b.tags["building:levels"]) for b in found.buildings] == [("relation/9", 1, "6")]
 
 
 def test_a_round_outline_is_built_with_as_many_corners_as_can_be(tmp_path: Path) -> None:
