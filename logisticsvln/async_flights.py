@@ -10,12 +10,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
+from pydantic import ValidationError
+
+from contracts.errors import first_problem
 from contracts.events import Event
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, OpenQuestion
 from contracts.scene import Scene
 from launcher.processes import Processes, free_ports, oracle_settings
+from logisticsvln.functions import call, must_take
 from logisticsvln.policies import Policy, with_policy
 from logisticsvln.scenes import read_scene
 from logisticsvln.vision import Model, OwnVision
@@ -96,7 +100,7 @@ class AsyncLocalServices:
         sample: str | None = None,
         policy: Policy | None = None,
         vision: Model = "embedded",
-        settings: MissionSettings | None = None,
+        settings: MissionSettings | dict[str, Any] | None = None,
         answers: "Sequence[str] | Customer | Callable[[OpenQuestion], str | None]" = (),
         on_event: Listener | None = None,
         out: str | Path = "runs",
@@ -130,15 +134,24 @@ class AsyncLocalServices:
             seeing = own.rest
         if seeing == ORACLE and self._at is None and not self._oracle:
             raise BadDelivery("vision: the oracle needs the simulator's truth: LocalServices(oracle=True)")
-        flown_with, given = with_policy(settings or MissionSettings(), policy)
-        question = DeliveryQuestion(
-            request=request,
-            scene=read_scene(scene) if isinstance(scene, str | Path) else scene,
-            sample=sample,
-            backend=seeing if own is None else own.name,
-            settings=flown_with,
-        )
+        try:
+            constants = MissionSettings.model_validate({} if settings is None else settings)
+        except ValidationError as error:
+            raise BadDelivery(f"settings: {first_problem(error)}") from None
+        flown_with, given = with_policy(constants, policy)
+        try:
+            question = DeliveryQuestion(
+                request=request,
+                scene=read_scene(scene) if isinstance(scene, str | Path) else scene,
+                sample=sample,
+                backend=seeing if own is None else own.name,
+                settings=flown_with,
+            )
+        except ValidationError as error:
+            raise BadDelivery(first_problem(error)) from None
         order, customer = Order(question, policy=given), _customer(answers)
+        if on_event is not None:
+            must_take(on_event, ("event",), "on_event")
         await self._check(seeing, flown_with.parser_model)
         run = Run(order, Path(out), listener=on_event)
         result = await run.fly(self._simulated(own), customer)
@@ -191,15 +204,17 @@ class AsyncLocalServices:
 
 
 def _customer(answers: "Sequence[str] | Customer | Callable[[OpenQuestion], str | None]") -> Customer | None:
-    if isinstance(answers, str):
-        raise BadDelivery("answers: give a list of texts, one for each question")
-    if isinstance(answers, Sequence):
+    if callable(answers):
+        return AskedFunction(must_take(answers, ("question",), "answers"))
+    if isinstance(answers, Sequence) and not isinstance(answers, str) and all(isinstance(a, str) for a in answers):
         return AnsweredBeforehand(answers) if answers else None
-    return AskedFunction(answers) if callable(answers) else answers
+    if isinstance(answers, Sequence) or not hasattr(answers, "answer"):
+        raise BadDelivery(f"answers: give a list of texts, one for each question, or a function, not {answers!r}")
+    return answers
 
 
 class AskedFunction:
-    """A customer who is a function of the question."""
+    """A customer who is a function of the question; it is asked in a thread, since it may wait for a person."""
 
     patience_s = 86_400.0
 
@@ -207,4 +222,7 @@ class AskedFunction:
         self._function = function
 
     async def answer(self, number: int, question: OpenQuestion) -> str | None:
-        return self._function(question)
+        said = await call(self._function, question)
+        if said is not None and not isinstance(said, str):
+            raise TypeError(f"answers: say a text, or None where nobody answers, not {said!r}")
+        return said

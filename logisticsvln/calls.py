@@ -1,5 +1,6 @@
 """What an orchestrator is asked over HTTP, and how its answers are read: shared by the two clients, which only send."""
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from datetime import datetime
@@ -9,7 +10,7 @@ from uuid import uuid4
 import httpx
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from contracts.errors import ErrorBody
+from contracts.errors import ErrorBody, first_problem
 from contracts.events import Event, read_event
 from contracts.fleet import FleetList
 from contracts.health import Health
@@ -62,28 +63,59 @@ def told(model: type[M]) -> Callable[[bytes], M]:
 
 
 def connection(url: str | None, token: str | None, timeout_s: float) -> dict[str, Any]:
-    """What both of httpx's clients are made with. The token is ORCHESTRATOR_TOKEN's where none is given."""
+    """What both of httpx's clients are made with. The token is ORCHESTRATOR_TOKEN's where none is given. Raises
+    ValueError for what is no address or no token."""
+    base = (url or USUAL_URL).rstrip("/")
+    try:
+        parsed = httpx.URL(base)
+    except httpx.InvalidURL as error:
+        raise ValueError(f"url: {base!r} is none ({error}); it is one such as {USUAL_URL}") from None
+    if parsed.scheme not in ("http", "https") or not parsed.host or (parsed.port or 1) > 65_535:
+        raise ValueError(
+            f"url: {base!r} needs http:// or https://, a host, and a port that there is, as {USUAL_URL} has"
+        )
     token = token or secret(process_environment(), "ORCHESTRATOR_TOKEN")
+    if token and not (token.isascii() and token.isprintable()):
+        raise ValueError("token: it has letters that no header of HTTP may have, a line's end perhaps")
     headers = {"authorization": f"Bearer {token}"} if token else {}
-    return {"base_url": (url or USUAL_URL).rstrip("/"), "headers": headers, "timeout": timeout_s, "trust_env": False}
+    return {"base_url": base, "headers": headers, "timeout": timeout_s, "trust_env": False}
+
+
+def question_of(**asked: Any) -> DeliveryQuestion:
+    """Raises ValueError for what can't be a delivery."""
+    try:
+        return DeliveryQuestion(**asked)
+    except ValidationError as error:
+        raise ValueError(first_problem(error)) from None
 
 
 def post_delivery(question: DeliveryQuestion, key: str | None) -> Call[Delivery]:
-    """A delivery; without a key it gets one of its own, so that sending it again is no second delivery."""
+    """A delivery; without a key it gets one of its own, so that sending it again is no second delivery. Raises
+    ValueError for a key that no header may hold."""
+    if key is not None and not (key.isascii() and key.isprintable()):
+        raise ValueError(f"key: {key!r} has other letters than those of ASCII")
     headers = {"idempotency-key": key or uuid4().hex}
     return Call("POST", "/v1/deliveries", told(Delivery), question, headers=headers)
 
 
+def _path(delivery: str, *parts: str) -> str:
+    """Raises ValueError for what is no id of a delivery, or no name of a file."""
+    for part in (delivery, *parts):
+        if not isinstance(part, str) or re.fullmatch(r"\w[\w.:+-]*", part, re.ASCII) is None:
+            raise ValueError(f"{part!r} is neither a delivery's id nor the name of one of its files")
+    return "/".join(("/v1/deliveries", delivery, *parts))
+
+
 def get_delivery(delivery: str) -> Call[Delivery]:
-    return Call("GET", f"/v1/deliveries/{delivery}", told(Delivery))
+    return Call("GET", _path(delivery), told(Delivery))
 
 
 def delete_delivery(delivery: str) -> Call[Delivery]:
-    return Call("DELETE", f"/v1/deliveries/{delivery}", told(Delivery))
+    return Call("DELETE", _path(delivery), told(Delivery))
 
 
 def post_answer(delivery: str, text: str) -> Call[Delivery]:
-    path = f"/v1/deliveries/{delivery}/answer"
+    path = _path(delivery, "answer")
     return Call("POST", path, told(Delivery), CustomerAnswer(text=text))
 
 
@@ -91,7 +123,7 @@ def list_deliveries(
     status: DeliveryStatus | None, since: datetime | None, text: str | None, before: str | None, limit: int
 ) -> Call[DeliveryList]:
     """A page. `since` needs a time zone: ValueError without one."""
-    if since is not None and since.tzinfo is None:
+    if since is not None and (not isinstance(since, datetime) or since.tzinfo is None):
         raise ValueError("since: give a time with its time zone, such as datetime.now(timezone.utc)")
     asked = {
         "status": status,
@@ -105,7 +137,7 @@ def list_deliveries(
 
 
 def get_file(delivery: str, file: str) -> Call[bytes]:
-    return Call("GET", f"/v1/deliveries/{delivery}/files/{file}", bytes)
+    return Call("GET", _path(delivery, "files", file), bytes)
 
 
 def list_vehicles() -> Call[FleetList]:
@@ -121,7 +153,7 @@ def get_health() -> Call[Health]:
 
 
 def events_path(delivery: str) -> str:
-    return f"/v1/deliveries/{delivery}/events"
+    return _path(delivery, "events")
 
 
 def answer_of(call: Call[T], response: httpx.Response, service: str = SERVICE) -> T:
@@ -145,9 +177,11 @@ def check(status: int, body: bytes, service: str = SERVICE) -> None:
     raise Refused(service, status, said.code, said.message, said.details)
 
 
-def unreachable(url: object, error: httpx.TransportError, service: str = SERVICE) -> Unreachable:
+def unreachable(url: object, error: httpx.RequestError, service: str = SERVICE) -> CallError:
     """The client's error as ours."""
     shown = without_password(str(url))
+    if isinstance(error, httpx.DecodingError):
+        return Garbled(service, f"answered something that can't be unpacked ({error})")
     if isinstance(error, httpx.TimeoutException):
         return TimedOut(service, f"no answer from {shown} in time")
     return Unreachable(service, f"can't reach {shown} ({type(error).__name__}: {error})")

@@ -14,7 +14,6 @@ from contracts.fleet import FleetVehicle
 from contracts.health import Health
 from contracts.orchestrator import (
     Delivery,
-    DeliveryQuestion,
     DeliveryResult,
     DeliveryStatus,
     MissionSettings,
@@ -90,12 +89,12 @@ class Client:
         Raises:
             ValueError: For what can't be a delivery; nothing is sent.
         """
-        question = DeliveryQuestion(
+        question = calls.question_of(
             request=request,
             scene=scene,
             sample=sample,
             backend=backend,
-            settings=settings or MissionSettings(),
+            settings=MissionSettings() if settings is None else settings,
             priority=priority,
             not_before=not_before,
             deadline=deadline,
@@ -138,7 +137,7 @@ class Client:
                         if event is not None:
                             yield event
                 heard.broke_off(Unreachable(calls.SERVICE, "ends the stream of events before the delivery is done"))
-            except httpx.TransportError as error:
+            except httpx.RequestError as error:
                 heard.broke_off(calls.unreachable(self._http.base_url, error))
             except Refused as error:
                 if not calls.is_passing(error):
@@ -222,6 +221,6 @@ class Client:
     def _send(self, call: calls.Call[T]) -> T:
         try:
             response = self._http.request(**call.request())
-        except httpx.TransportError as error:
+        except httpx.RequestError as error:
             raise calls.unreachable(self._http.base_url, error) from None
         return calls.answer_of(call, response)

@@ -1,12 +1,13 @@
 """A search policy from whatever says where to look next: a name, a class, an object, or a function."""
 
-import asyncio
-import inspect
+import math
 from collections.abc import Awaitable, Callable
 from typing import ClassVar, TypeAlias
 
 from contracts.base import Wire
+from contracts.geometry import Point3
 from contracts.orchestrator import MissionSettings, SearchSettings
+from logisticsvln.functions import call, must_take
 from mission.looks import Look
 from mission.policies.base import (
     AnyPolicy,
@@ -42,7 +43,7 @@ def policy_from(given: Policy) -> AnyPolicy | SearchSettings:
             raise BadDelivery(f"policy: {given.__name__} is not derived from SearchPolicy")
         return given(given.settings_type())
     if callable(given):
-        return of_function(given)
+        return of_function(must_take(given, ("look", "tools"), "policy"))
     raise BadDelivery(
         f"policy: give the name of one, a SearchPolicy, or a function of (look, tools), not {type(given).__name__}"
     )
@@ -80,15 +81,19 @@ class _Asked(Plan):
         self._decide, self._look, self._memory, self._tools = decide, look, memory, tools
 
     async def onward(self) -> Onward:
-        said = await call(self._decide, self._look, self._tools)
-        if not isinstance(said, NextStop | NothingLeft):
-            raise TypeError(f"a policy says NextStop(...) or NothingLeft(...), not {said!r}")
+        said = _sound(await call(self._decide, self._look, self._tools))
         return Onward(said, self._memory)
 
 
-async def call(function: Callable[..., object], *arguments: object) -> object:
-    """Somebody's function: awaited where it is asynchronous, else run in a thread, since it may take its time."""
-    if inspect.iscoroutinefunction(function) or inspect.iscoroutinefunction(getattr(function, "__call__", None)):  # noqa: B004
-        return await function(*arguments)  # type: ignore[misc]
-    said = await asyncio.to_thread(function, *arguments)
-    return await said if inspect.isawaitable(said) else said
+def _sound(said: object) -> Decision:
+    """Raises TypeError, ValueError for what is no next stop."""
+    if isinstance(said, NothingLeft):
+        return NothingLeft(str(said.why))
+    if not isinstance(said, NextStop):
+        raise TypeError(f"a policy says NextStop(...) or NothingLeft(...), not {said!r}")
+    path = tuple(said.path)
+    if any(not isinstance(point, Point3) for point in path):
+        raise TypeError(f"NextStop: its path is made of Point3, as ahead(look.pose, ...) gives one, not {said.path!r}")
+    if said.yaw is not None and not math.isfinite(said.yaw):
+        raise ValueError(f"NextStop: its yaw is a number of radians, or None, not {said.yaw!r}")
+    return NextStop(path, None if said.yaw is None else float(said.yaw), str(said.why))

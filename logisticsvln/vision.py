@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from enum import Enum
 from functools import cached_property
+from numbers import Integral
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -38,13 +39,19 @@ from contracts.vlm_gateway import (
     PreflightAnswer,
     PreflightQuestion,
 )
-from logisticsvln.policies import call
+from logisticsvln.functions import call, must_take
 from mission.ports import Vision
 from orchestrator.delivery import BadDelivery
 
 BACKEND = "python"
 """What answers of one's own code are recorded as."""
-QUESTIONS = ("count_floors", "find_building", "find_object", "choose_direction")
+QUESTIONS = {
+    "count_floors": ("picture",),
+    "find_building": ("picture",),
+    "find_object": ("views", "phrase"),
+    "choose_direction": ("picture", "points", "task"),
+}
+"""What may be asked, and with what."""
 
 
 class Nothing(Enum):
@@ -92,7 +99,7 @@ class OwnVision:
                 the model names only what it is sure of.
 
         Raises:
-            BadDelivery: For a model that answers none of the questions.
+            BadDelivery: For a model that answers none of the questions, or takes other arguments.
         """
         self._methods = {question: getattr(model, question, None) for question in QUESTIONS}
         if callable(model) and not any(self._methods.values()):
@@ -102,6 +109,9 @@ class OwnVision:
                 f"vision: give a model's name, a function of (views, phrase), or an object with one of "
                 f"{', '.join(QUESTIONS)}; {type(model).__name__} has none of them"
             )
+        for question, method in self._methods.items():
+            if method is not None:
+                must_take(method, QUESTIONS[question], f"vision: {question}")
         self._known = getattr(model, "preflight", None)
         self.name: str = name or getattr(model, "__name__", type(model).__name__).strip("<>_")
         self.rest = rest
@@ -147,7 +157,9 @@ class VisionPort:
         began = time.perf_counter()
         said = await call(method, CameraPicture(question.camera, question.image))
         told = self._told("floors", said, began)
-        return FloorCountAnswer(**told, floors=None if said is None else _typed(said, int, "count_floors", "a number"))
+        return FloorCountAnswer(
+            **told, floors=None if said is None else int(_typed(said, Integral, "count_floors", "a whole number"))
+        )
 
     async def building_box(self, question: BuildingBoxQuestion) -> BuildingBoxAnswer:
         method = self._own.method("find_building")

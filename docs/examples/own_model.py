@@ -12,7 +12,7 @@ HUES = {"red": 0, "yellow": 27, "green": 65, "blue": 108, "purple": 140}
 
 
 def by_colour(views: Sequence[CameraPicture], phrase: str) -> list[Match]:
-    """The largest patch, over all views, of the colour that the phrase names: it can't tell a kite from a wrench."""
+    """The largest patch, over all views, of the phrase's colour: a jerrycan is as good as a watering can."""
     largest, matches = 40, []
     for view in views:
         hsv = cv2.cvtColor(view.rgb, cv2.COLOR_RGB2HSV).astype(int)
@@ -28,8 +28,8 @@ def by_colour(views: Sequence[CameraPicture], phrase: str) -> list[Match]:
 
 
 with LocalServices() as services:
-    settings = MissionSettings(image_size=400, max_exploration_steps=6)
-    flown = services.fly(sample="street-kite", vision=OwnVision(by_colour), settings=settings)
+    settings = MissionSettings(image_size=400)
+    flown = services.fly(sample="tower-watering-can", vision=OwnVision(by_colour), settings=settings)
 
 print(f"{flown.result.outcome}: {flown.result.message}")
 print({role: calls.calls for role, calls in flown.result.model_calls.items()})

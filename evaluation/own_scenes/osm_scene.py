@@ -42,9 +42,8 @@ class Thing(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """`target`: a building's id (`way/123`, `relation/45`, or the number alone); else the one nearest to `at`, or to the
-    map's middle.
-    `around_m`: how far from it others are taken; `levels`: of a building that says none."""
+    """`target`: a building's id (`way/123`, `relation/45`, or the number alone); else the one nearest to `at`, or to
+    the map's middle. `around_m`: how far from it others are taken; `levels`: of a building that says none."""
 
     name: str
     target: str | None = None

@@ -69,8 +69,9 @@ def _task_set(run: Submission) -> Finding:
     foreign = [task.id for task in run.tasks.values() if theirs.get(task.id) != task.content]
     if foreign:
         return Finding("task set", False, f"{_some(foreign)} differ from {known.name}'s, whose checksum the run claims")
-    whole = "all" if len(run.tasks) == len(known.tasks) else f"{len(run.tasks)} of {len(known.tasks)}"
-    return Finding("task set", True, f"{known.name}, {whole} tasks, SHA-256 {checksum[:16]}")
+    part = len(run.tasks) < len(known.tasks)
+    whole = f"{len(run.tasks)} of {len(known.tasks)} tasks (a row of the leaderboard has all)" if part else "all tasks"
+    return Finding("task set", True, f"{known.name}, {whole}, SHA-256 {checksum[:16]}")
 
 
 def _shipped_sets() -> list[TaskSet]:
