@@ -5,6 +5,8 @@ from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from service_kit.running_loop import running_loop
+
 T = TypeVar("T")
 
 
@@ -41,7 +43,7 @@ class Flights(Generic[T]):
         """The result of `start()`, or of the call under way for the same key. Raises what that call raises."""
         flight = self._live.get(key)
         shared = flight is not None
-        loop = asyncio.get_running_loop()
+        loop = running_loop()
         if flight is None:
             flight = self._live[key] = _Flight(loop.create_task(start()))
             flight.task.add_done_callback(partial(self._landed, key, flight))

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from service_kit.errors import BadQuestion, ServiceError
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.errors import ModelTimeout
 
 
@@ -18,7 +19,7 @@ class Deadline:
     def limit(self, after_s: float, why: Callable[[], ServiceError]) -> None:
         """End the work after so long; this replaces an earlier limit."""
         self.unlimited()
-        self._timer = asyncio.get_running_loop().call_later(after_s, lambda: self.end(why()))
+        self._timer = running_loop().call_later(after_s, lambda: self.end(why()))
 
     def unlimited(self) -> None:
         """Take the limit away."""

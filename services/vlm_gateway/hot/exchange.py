@@ -13,6 +13,7 @@ from uvicorn.server import ServerState
 from contracts.vlm_gateway import CacheResult
 from service_kit.errors import ServiceError
 from service_kit.requests import EXPOSED, Origins
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.hot.answers import event_of, rendered, too_large
 from services.vlm_gateway.hot.deadline import Deadline, caller_left
 from services.vlm_gateway.hot.head import Head, Header, head_of
@@ -151,7 +152,7 @@ class Exchange:
             if self._expects_100:
                 self._expects_100 = False
                 self._line.transport.write(b"HTTP/1.1 100 Continue\r\n\r\n")
-            self._waiter = asyncio.get_running_loop().create_future()
+            self._waiter = running_loop().create_future()
             await self._waiter
         if self.size > self._max_body_bytes:
             raise too_large(self._max_body_bytes)

@@ -7,6 +7,8 @@ import sys
 import time
 from typing import TextIO
 
+from service_kit.running_loop import running_loop
+
 FLUSH_EVERY_S = 0.5
 MAX_FAILED_PER_FLUSH = 20
 
@@ -63,4 +65,4 @@ class RequestLog:
 
     def _later(self) -> None:
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(FLUSH_EVERY_S, self.flush)
+            self._timer = running_loop().call_later(FLUSH_EVERY_S, self.flush)

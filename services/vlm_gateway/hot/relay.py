@@ -6,6 +6,7 @@ from collections.abc import AsyncGenerator, Callable
 from contextlib import aclosing
 from dataclasses import dataclass
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.cache.guard import MAX_VALUE_BYTES
 from services.vlm_gateway.errors import ModelUnreachable
 from services.vlm_gateway.upstream.replies import Spent
@@ -97,7 +98,7 @@ class Broadcast:
                     )
                 if self._ended:
                     break
-                reader.turn = asyncio.get_running_loop().create_future()
+                reader.turn = running_loop().create_future()
                 await reader.turn
             if self._error is not None:
                 raise self._error

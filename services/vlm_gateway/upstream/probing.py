@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.upstream.endpoint import Endpoint
 from services.vlm_gateway.upstream.http_reply import BrokenReply
 
@@ -41,7 +42,7 @@ class Prober:
 
     async def _problem(self, endpoint: Endpoint) -> str:
         """Empty where the server answers at all: whoever refuses a key is alive."""
-        deadline = asyncio.get_running_loop().time() + self._timeout_s
+        deadline = running_loop().time() + self._timeout_s
         try:
             reply = await endpoint.pool.whole(endpoint.get("/models"), deadline, MAX_REPLY_BYTES)
         except BrokenReply as broken:

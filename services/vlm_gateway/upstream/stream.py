@@ -5,9 +5,9 @@ model may be asked: comments, heartbeats and events that only name a role commit
 event by event, as the server wrote them.
 """
 
-import asyncio
 from collections.abc import Callable, Mapping
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.errors import ModelError, ModelTimeout, ModelUnreachable
 from services.vlm_gateway.upstream import health
 from services.vlm_gateway.upstream.events import MAX_EVENT_BYTES, ChatReader, EventSplitter, EventTooLarge
@@ -81,7 +81,7 @@ class ChatStream:
         whole: long answers are what streams are for. Raises ModelError."""
         if self._has_data:
             self._has_data = False
-            self._due = asyncio.get_running_loop().time() + self._timeout_s
+            self._due = running_loop().time() + self._timeout_s
         while not self._ready and not self._over and self._failure is None:
             await self._more()
         if self._ready:
@@ -107,7 +107,7 @@ class ChatStream:
         """What comes next on the connection, read into `_ready`, `_over` or `_failure`."""
         deadline = self._due
         if self.said.done:
-            deadline = min(deadline, asyncio.get_running_loop().time() + LINGER_S)
+            deadline = min(deadline, running_loop().time() + LINGER_S)
         try:
             piece = await self._stream.piece(deadline)
             skimmed = self._skim(piece) if self._splitter.is_empty else 0

@@ -15,6 +15,7 @@ from collections.abc import Callable, Coroutine, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.usage.budgets import Budget, Period, Spender, over_budget, period_of
 from services.vlm_gateway.usage.port import (
     HOLD_S,
@@ -157,7 +158,7 @@ class Ledger:
             await self._store.close()
 
     def _start(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
-        task = asyncio.get_running_loop().create_task(work)
+        task = running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
         return task
@@ -249,7 +250,7 @@ class Ledger:
 
     def _later(self, after_s: float) -> None:
         if self._timer is None:
-            self._timer = asyncio.get_running_loop().call_later(after_s, self._flush)
+            self._timer = running_loop().call_later(after_s, self._flush)
 
     def _flush(self) -> None:
         self._timer = None
