@@ -46,19 +46,16 @@ def default_limits() -> ConnectionLimits:
 
 class Framing:
     """The bytes of a request that are not its body: its head, the sizes and extensions of chunks, trailers. Told of
-    every piece of what came that does not end the request."""
+    every piece of what came that does not end the request. `came` is set to None where a request begins in the piece
+    that is being read."""
 
     def __init__(self) -> None:
-        self._came: int | None = None
-
-    def begins(self) -> None:
-        """A request, in the piece that is being read."""
-        self._came = None
+        self.came: int | None = None
 
     def too_much(self, size: int, body: int) -> bool:
         """Whether it is, with this piece of `size` bytes, of `body` bytes of body so far. The piece in which the
         request began may hold others before it."""
-        self._came = came = body if self._came is None else self._came + size
+        self.came = came = body if self.came is None else self.came + size
         return came - body > MAX_FRAMING_BYTES + FRAMING_A_BODY_BYTE * body
 
 

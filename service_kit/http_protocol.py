@@ -84,7 +84,9 @@ class ServiceProtocol(HttpToolsProtocol):
         elif self._framing.too_much(size, self._body_bytes):
             self.break_off(431, "head_too_large", f"a request's head may have {MAX_FRAMING_BYTES} bytes")
             return
-        if stage != self._watched and not self.transport.is_closing():
+        if stage == "none":
+            self._watched = stage
+        elif stage != self._watched and not self.transport.is_closing():
             self._watch(stage)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -110,7 +112,7 @@ class ServiceProtocol(HttpToolsProtocol):
 
     def on_message_begin(self) -> None:
         self._stage = "head"
-        self._framing.begins()
+        self._framing.came = None
         self._body_bytes = self._dropped = 0
         self._bodies.append(0)
         self.begin_head()

@@ -10,6 +10,7 @@ from collections import OrderedDict, deque
 from types import TracebackType
 from typing import Protocol, Self
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.errors import ModelOverloaded
 from services.vlm_gateway.keys import asking
 
@@ -101,7 +102,7 @@ class Admission:
         caller = asking.get().name
         if self._waiting + self._places.waiting_elsewhere >= self._queue:
             self._make_room(caller)
-        turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        turn: asyncio.Future[None] = running_loop().create_future()
         self._lines.setdefault(caller, deque()).append(turn)
         self._waiting += 1
         self._places.waits(self._waiting)
@@ -140,7 +141,8 @@ class Admission:
     def leave(self) -> None:
         """Give the place back, and hand it to whose turn it is."""
         self._places.give_back()
-        self.serve()
+        if self._waiting:
+            self.serve()
 
     def serve(self) -> None:
         """Hand out places that have become free."""

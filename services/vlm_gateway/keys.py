@@ -45,7 +45,7 @@ class Bucket:
     """Fills steadily up to a minute's worth; may be overdrawn."""
 
     def __init__(self, per_minute: int, now: float) -> None:
-        self._per_s = per_minute / 60.0
+        self.per_s = per_minute / 60.0
         self.size = float(per_minute)
         self.level = self.size
         self._at = now
@@ -56,7 +56,7 @@ class Bucket:
 
     def spend(self, amount: float, least: float, now: float) -> bool:
         """Whether there was something in it, and `least` at least; then `amount` is spent."""
-        self.level = level = min(self.size, self.level + (now - self._at) * self._per_s)
+        self.level = level = min(self.size, self.level + (now - self._at) * self.per_s)
         self._at = now
         if level <= 0.0 or level < least:
             return False
@@ -65,7 +65,7 @@ class Bucket:
 
     def wait_s(self, amount: float) -> float:
         """Until there is `amount` in it."""
-        return (amount - self.level) / self._per_s
+        return (amount - self.level) / self.per_s
 
 
 class Key:
@@ -156,7 +156,8 @@ def _bucket(worker: Worker | None, name: str, per_minute: int, now: float) -> Bu
 
 def _told(lines: bytes, bucket: "Bucket | SharedBucket") -> bytes:
     """The header lines of one rate."""
-    return lines % (max(0.0, bucket.level), bucket.wait_s(bucket.size))
+    level = bucket.level
+    return lines % (level if level > 0.0 else 0.0, (bucket.size - level) / bucket.per_s)
 
 
 def _spender(name: str, config: KeyConfig | None, team: BudgetConfig | None) -> Spender:

@@ -27,15 +27,17 @@ class _Called(NamedTuple):
 
 
 class _Spent(NamedTuple):
-    """The series of what one key spends at one model."""
+    """The series of what one key spends at one model; `usd` once it costs something."""
 
     prompt: Sum
     completion: Sum
+    usd: Sum | None
 
 
 class _Counted(NamedTuple):
-    """The series of how long one model's requests and answers are."""
+    """The series of how long one model's calls that end alike take, and how long their requests and answers are."""
 
+    seconds: Spread
     input: Spread
     output: Spread
 
@@ -49,7 +51,7 @@ class GatewayMetrics:
         self._registry = registry
         self._called: dict[tuple[str, str, str, str, str], _Called] = {}
         self._spent: dict[tuple[str, str], _Spent] = {}
-        self._counted: dict[tuple[str, str], _Counted] = {}
+        self._counted: dict[tuple[str, str, str], _Counted] = {}
         self._calls = self._counter("calls", "Questions and chats by outcome.", [*labels, "outcome", "cache"])
         self._seconds = self._spread("vlm_gateway_call_seconds", "Time to an answer.", [*labels, "cache"], _BUCKETS)
         self._tokens = self._counter("tokens", "Tokens spent, cache hits not counted.", ["model", "key", "kind"])
@@ -81,13 +83,15 @@ class GatewayMetrics:
 
     def spent(self, model: str, key: str, tokens: Spent, nano_usd: int) -> None:
         """A call was paid for by this key."""
-        if (series := self._spent.get((model, key))) is None:
+        series = self._spent.get((model, key))
+        if series is None or (nano_usd and series.usd is None):
             sums = self._tokens.series(model, key, "prompt"), self._tokens.series(model, key, "completion")
-            series = self._spent[model, key] = _Spent(*sums)
+            usd = self._usd.series(model, key) if nano_usd else None
+            series = self._spent[model, key] = _Spent(*sums, usd)
         series.prompt.amount += tokens.prompt
         series.completion.amount += tokens.completion
-        if nano_usd:
-            self._usd.add(model, key, amount=nano_usd / 1e9)
+        if series.usd is not None:
+            series.usd.amount += nano_usd / 1e9
 
     def usage_failed(self) -> None:
         """The store of what was spent could not be used."""
@@ -97,12 +101,14 @@ class GatewayMetrics:
         self, provider: str, model: str, seconds: float, tokens: Tokens | Spent | None = None, error: str = ""
     ) -> None:
         """A call to a model ended; `error` is the code of what went wrong."""
-        self._duration.add("chat", provider, model, error, value=seconds)
         if tokens is None:
+            self._duration.add("chat", provider, model, error, value=seconds)
             return
-        if (series := self._counted.get((provider, model))) is None:
+        if (series := self._counted.get((provider, model, error))) is None:
             spreads = (self._usage.series("chat", provider, model, way) for way in ("input", "output"))
-            series = self._counted[provider, model] = _Counted(*spreads)
+            series = _Counted(self._duration.series("chat", provider, model, error), *spreads)
+            self._counted[provider, model, error] = series
+        series.seconds.add(seconds)
         series.input.add(tokens.prompt)
         series.output.add(tokens.completion)
 

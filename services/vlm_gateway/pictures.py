@@ -9,6 +9,8 @@ from services.vlm_gateway.backends.base import Picture
 from services.vlm_gateway.config import ChatLimits
 
 TYPES = ("image/jpeg", "image/jpg", "image/pjpeg", "image/png", "image/webp", "image/gif")
+_USUAL = frozenset({"image/jpeg;base64", "image/png;base64"})
+"""How nearly all clients write the type of a picture's data URL."""
 _SHOWN = 60
 
 
@@ -61,8 +63,7 @@ def inline_picture(
             code="no_urls",
         )
     kind, comma, text = url[5:].partition(",")
-    mime, *parameters = (part.strip().lower() for part in kind.split(";"))
-    if mime not in TYPES or "base64" not in parameters or not comma:
+    if not comma or not (kind in _USUAL or _is_picture(kind)):
         raise BadQuestion(
             f"{where}: only JPEG, PNG, WebP and GIF pictures in base64 are taken, not {url[:_SHOWN]!r}",
             code="bad_image",
@@ -78,9 +79,16 @@ def inline_picture(
     return ChatPicture(place, right, right == url, header, len(data), text if cut is None else cut.base64)
 
 
+def _is_picture(kind: str) -> bool:
+    """Whether a data URL's type is a picture's, in base64."""
+    mime, *parameters = (part.strip().lower() for part in kind.split(";"))
+    return mime in TYPES and "base64" in parameters
+
+
 def _check_size(header: ImageHeader, where: str, limits: ChatLimits) -> None:
-    width, height = header.width, header.height
-    if 0 < width * height <= limits.picture_pixels and max(width, height) <= limits.picture_side:
+    _, width, height = header
+    side = limits.picture_side
+    if 0 < width * height <= limits.picture_pixels and width <= side and height <= side:
         return
     raise BadQuestion(
         f"{where}: the picture is {width} x {height}; at most {limits.picture_pixels} pixels and "

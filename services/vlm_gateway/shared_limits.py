@@ -62,7 +62,7 @@ class SharedBucket:
     """A rate's bucket: fills steadily up to a minute's worth; may be overdrawn. As `keys.Bucket`, for all workers."""
 
     def __init__(self, worker: Worker, name: str, per_minute: int, now: float) -> None:
-        self._per_s = per_minute / 60.0
+        self.per_s = per_minute / 60.0
         self.size = float(per_minute)
         self._board = worker.board
         self._words = worker.board.words
@@ -89,7 +89,7 @@ class SharedBucket:
         words, at = self._words, self._level
         self._board.lock()
         try:
-            level = min(self.size, words[at] + (now - words[at + 1]) * self._per_s)
+            level = min(self.size, words[at] + (now - words[at + 1]) * self.per_s)
             spent = level > 0.0 and level >= least
             words[at] = level - amount if spent else level
             words[at + 1] = now
@@ -98,7 +98,7 @@ class SharedBucket:
             self._board.unlock()
 
     def wait_s(self, amount: float) -> float:
-        return (amount - self.level) / self._per_s
+        return (amount - self.level) / self.per_s
 
 
 class Bell:

@@ -104,6 +104,8 @@ class Models:
         if first is None or alias is None or not key.may_ask(alias):
             raise self._not_asked(alias, key)
         if chat.plain and not chat.further:
+            if not first.fallbacks:
+                return [first]
             return [first, *(self._targets[name] for name in first.fallbacks if key.may_ask(name))]
         if unknown := chat.further - first.accepts.fields:
             raise unknown_fields(unknown, alias)
@@ -152,7 +154,8 @@ class Models:
                 await bill.reserve()
             asked = self._begun(target, call, bill)
             try:
-                scaled = await self._scaled(target, call) if call.pictures else NONE_SCALED
+                fits = target.accepts.pictures.take_all(call.pictures)
+                scaled = NONE_SCALED if fits else await self._scaled(target, call)
                 answer = await target.whole(call.body(target.accepts, scaled), asked.trace, asked.asked, call.form)
                 if answer.said.message is None and call.form is CHAT:
                     raise target.no_choice()
@@ -222,7 +225,8 @@ class Models:
         while True:
             counting = call.counts(target)
             try:
-                body = call.body(target.accepts, await self._scaled(target, call) if call.pictures else NONE_SCALED)
+                fits = target.accepts.pictures.take_all(call.pictures)
+                body = call.body(target.accepts, NONE_SCALED if fits else await self._scaled(target, call))
                 return await target.stream(body, asked.trace, asked.asked, call.form, without_usage=counting)
             except ModelRejected as error:
                 if not counting or not target.refuses_to_count(error):

@@ -22,7 +22,7 @@ class PictureFitter:
         (`bad_image`)."""
         scaled: dict[int, str] = {}
         for at, picture in enumerate(pictures):
-            if bounds.take(*picture.header, picture.size_bytes):
+            if bounds.take(picture):
                 continue
             async with self._free:
                 scaled[at] = await asyncio.to_thread(scaled_url, picture, bounds)

@@ -168,7 +168,7 @@ class Frontend:
         """The chat, for as long as its caller stays and is going to wait."""
         deadline = exchange.deadline
         try:
-            limit_s = head.timeout_s
+            limit_s = None if head.timeout_said is None else head.timeout_s
             if head.length > self.max_body_bytes:
                 raise too_large(self.max_body_bytes)
             raw = await exchange.body()
@@ -212,9 +212,9 @@ class Frontend:
 
     async def _chat(self, head: Head, raw: bytes, exchange: Exchange) -> None:
         scanned = scan(raw)
-        cache, digest = self._cache, ""
+        cache, digest, asked_for = self._cache, "", head.cache
         replay = cache is not None and cache.mode == "replay"
-        if cache is not None and (replay or (scanned.says_temperature_0 if head.cache is None else head.cache)):
+        if cache is not None and (replay or (scanned.says_temperature_0 if asked_for is None else asked_for)):
             exchange.cache = "miss"
             digest = self._digests.of(exchange.key, scanned)
             if (stored := await self._known(digest, cache)) is not None:
@@ -226,7 +226,7 @@ class Frontend:
                 return
         big = len(scanned.skeleton) > BIG_SKELETON_BYTES
         scanned, chat = await asyncio.to_thread(read, scanned, self._limits) if big else read(scanned, self._limits)
-        if digest and not (chat.deterministic or head.cache or replay):
+        if digest and not (chat.deterministic or asked_for or replay):
             digest, exchange.cache = "", "off"
         call = self.models.chat(scanned, chat, exchange.key, exchange.trace, digest)
         exchange.alias = call.targets[0].alias

@@ -117,7 +117,7 @@ def _check_numbers(body: dict[str, Any], limits: ChatLimits) -> None:
         if value is None:
             continue
         if name not in _RANGES:
-            if not _is_int(value) or not 1 <= value <= limits.tokens:
+            if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= limits.tokens:
                 raise invalid(name, f"a whole number from 1 to {limits.tokens} is wanted")
             continue
         low, high = _RANGES[name]
@@ -225,7 +225,3 @@ def unknown_parts(kinds: frozenset[str], alias: str) -> BadQuestion:
         "them through with part_types = [...]",
         code="unknown_part",
     )
-
-
-def _is_int(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)

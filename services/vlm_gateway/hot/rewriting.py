@@ -44,7 +44,7 @@ def rewritten(scanned: Scanned, chat: Chat, accepts: Accepted, scaled: Mapping[i
             skeleton = skeleton.replace(b"{", _COUNTED, 1)
     else:
         skeleton = _composed(chat, accepts, counts, scaled)
-    return filled(skeleton, scanned.pictures)
+    return filled(skeleton, scanned.pictures) if scanned.pictures else [skeleton]
 
 
 def _composed(chat: Chat, accepts: Accepted, counts: bool, scaled: Mapping[int, str]) -> bytes:

@@ -91,8 +91,6 @@ def read(scanned: Scanned, limits: ChatLimits) -> tuple[Scanned, Chat]:
 
 def filled(skeleton: bytes, pictures: tuple[memoryview, ...]) -> list[Buffer]:
     """The skeleton with the pictures in their holes."""
-    if not pictures:
-        return [skeleton]
     parts: list[Buffer] = []
     at = 0
     for hole in _HOLE.finditer(skeleton):

@@ -1,9 +1,10 @@
 """What a model and its server take of a chat request, and pictures made to fit into it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from services.vlm_gateway.config import ChatModel
+from services.vlm_gateway.pictures import ChatPicture
 
 STANDARD_MESSAGE = frozenset({"role", "content", "name", "tool_calls", "tool_call_id"})
 """The fields of a message that every server of this kind knows."""
@@ -20,14 +21,20 @@ class PictureBounds(NamedTuple):
     max_side: int
     max_bytes: int
 
-    def take(self, form: str, width: int, height: int, size_bytes: int) -> bool:
-        """Whether such a picture may be sent as it is."""
+    def take(self, picture: ChatPicture) -> bool:
+        """Whether it may be sent as it is."""
+        form, width, height = picture.header
         return (
             form in self.formats
             and width * height <= self.max_pixels
-            and max(width, height) <= self.max_side
-            and size_bytes <= self.max_bytes
+            and width <= self.max_side
+            and height <= self.max_side
+            and picture.size_bytes <= self.max_bytes
         )
+
+    def take_all(self, pictures: Sequence[ChatPicture]) -> bool:
+        """Whether all of them may."""
+        return not pictures or all(map(self.take, pictures))
 
 
 class Accepted(NamedTuple):

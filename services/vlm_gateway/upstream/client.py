@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from pydantic_core import to_json
 
 from contracts.vlm_gateway import Tokens
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.admission import Admission, Places
 from services.vlm_gateway.breaker import State
 from services.vlm_gateway.config import ChatModel
@@ -157,7 +158,7 @@ class Upstream:
     async def _admitted(self, wanted: Request, once: Callable[[Attempt], Awaitable[T]], *, patient: bool = False) -> T:
         """`once`, with a place of the model's and as often as it takes; a stream keeps its place until it is closed."""
         self._prober.start()
-        deadline = asyncio.get_running_loop().time() + self._timeout_s
+        deadline = running_loop().time() + self._timeout_s
         try:
             if not self.admission.entered():
                 await self.admission.enter(deadline)
@@ -198,7 +199,7 @@ class Upstream:
                     pause_s = retry_pause_s(error, again, self._again)
                 else:
                     pause_s = None
-                if pause_s is None or asyncio.get_running_loop().time() + pause_s >= deadline:
+                if pause_s is None or running_loop().time() + pause_s >= deadline:
                     raise
                 self.budget.took()
                 self._retried(error.kind)
@@ -215,7 +216,7 @@ class Upstream:
         caller = asking.get().name
         endpoint = self.choice.pick(caller, marks, tried)
         if endpoint is not None:
-            return Attempt(wanted, endpoint, endpoint.health.call(caller), deadline)
+            return Attempt(wanted, endpoint, health.Call(endpoint.health, caller), deadline)
         wait_s = min(e.health.wait_s(caller) for e in self.endpoints)
         message = f"model {self.alias!r} did not answer several times in a row; it is tried again in {wait_s:.1f} s"
         details: dict[str, object] = {"model": self.alias, "reason": "breaker_open"}

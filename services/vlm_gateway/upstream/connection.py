@@ -6,11 +6,12 @@ nothing waits or grows without a bound.
 
 import asyncio
 import select
-from collections.abc import Sequence
+from collections.abc import Awaitable, Sequence
 from typing import Protocol, cast
 
 import httptools
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
 
 MAX_HEAD_BYTES = 64 * 1024
@@ -31,7 +32,7 @@ class Connection(asyncio.Protocol):
 
     def __init__(self, home: Home) -> None:
         self._home = home
-        self._loop = asyncio.get_running_loop()
+        self._loop = running_loop()
         self._transport: asyncio.Transport | None = None
         self._parser = httptools.HttpResponseParser(self)
         self._max_bytes: int | None = None
@@ -59,16 +60,19 @@ class Connection(asyncio.Protocol):
 
     # -- what the pool and the stream ask for
 
-    async def send(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> Reply | Stream:
-        """The whole reply, or without `max_bytes` a stream once its head has come. Raises BrokenReply."""
+    def send(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> Awaitable[Reply | None]:
+        """The whole reply, or without `max_bytes` nothing, once the head of a `stream` has come. Raises BrokenReply."""
         assert self._transport is not None
         self._begin()
         self._busy = True
         self._max_bytes = max_bytes
         self._unsent = False
         self._transport.writelines(request)
-        reply = await self._wait(deadline)
-        return Stream(self, self.status, self.headers) if reply is None else reply
+        return self._wait(deadline)
+
+    def stream(self) -> Stream:
+        """The reply whose head has come."""
+        return Stream(self, self.status, self.headers)
 
     async def piece(self, deadline: float) -> bytes:
         while not self._pieces and not self._complete:
@@ -98,10 +102,17 @@ class Connection(asyncio.Protocol):
     def is_closing(self) -> bool:
         return self._transport is None or self._transport.is_closing()
 
-    def is_fresh(self) -> bool:
-        """Whether a connection between two exchanges can still be used. What the server did to it since the loop last
-        looked at its socket counts too: it mustn't be found out by a request that can't be sent again."""
-        return not self.is_closing() and not self._poll.poll(0)
+    def is_fresh(self, within_s: float) -> bool:
+        """Whether a connection between two exchanges can still be used: it has not been idle for longer. What the
+        server did to it since the loop last looked at its socket counts too: it mustn't be found out by a request that
+        can't be sent again."""
+        transport = self._transport
+        return (
+            transport is not None
+            and not transport.is_closing()
+            and self._loop.time() - self.idle_since < within_s
+            and not self._poll.poll(0)
+        )
 
     def leave(self) -> None:
         """Close at once, whatever is under way."""

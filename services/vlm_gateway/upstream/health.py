@@ -88,13 +88,11 @@ class ServerHealth:
             self._everybody.trip()
             self._since_success.clear()
 
-    def call(self, caller: str) -> "Call":
-        """For one call that was allowed: it is undecided unless it is told otherwise."""
-        return Call(self, caller)
-
 
 class Call:
-    """One call under way; what became of it is told once."""
+    """One call under way, that was allowed; what became of it is told once, and is undecided where it is not told."""
+
+    __slots__ = ("_caller", "_health", "_told")
 
     def __init__(self, health: ServerHealth, caller: str) -> None:
         self._health = health

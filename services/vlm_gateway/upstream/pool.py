@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Awaitable, Sequence
 from typing import NamedTuple, cast
 
+from service_kit.running_loop import running_loop
 from services.vlm_gateway.upstream.connection import Connection
 from services.vlm_gateway.upstream.http_reply import BrokenReply, Buffer, Reply, Stream
 
@@ -62,17 +63,20 @@ class Pool:
     async def _sent(self, request: Sequence[Buffer], deadline: float, max_bytes: int | None) -> Reply | Stream:
         if connection := self._unused():
             try:
-                return await connection.send(request, deadline, max_bytes)
+                reply = await connection.send(request, deadline, max_bytes)
             except BrokenReply as broken:
                 if broken.reason not in self._resend:
                     raise
-        return await (await self._connected(deadline)).send(request, deadline, max_bytes)
+            else:
+                return connection.stream() if reply is None else reply
+        connection = await self._connected(deadline)
+        reply = await connection.send(request, deadline, max_bytes)
+        return connection.stream() if reply is None else reply
 
     def _unused(self) -> Connection | None:
-        now = asyncio.get_running_loop().time()
         while self._idle:
             connection = self._idle.pop()
-            if now - connection.idle_since < self._idle_s and connection.is_fresh():
+            if connection.is_fresh(self._idle_s):
                 return connection
             connection.leave()
             while self._idle:  # whatever lies below was left earlier still
@@ -80,7 +84,7 @@ class Pool:
         return None
 
     async def _connected(self, deadline: float) -> Connection:
-        loop = asyncio.get_running_loop()
+        loop = running_loop()
         limit = min(deadline, loop.time() + self._connect_timeout_s)
         host, port, tls = self.server
         try:

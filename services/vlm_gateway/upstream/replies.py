@@ -227,6 +227,8 @@ def tokens_of(usage: object) -> Spent:
     """The counts in OpenAI's `usage`; 0 where there are none."""
     counts = usage if isinstance(usage, dict) else {}
     prompt, completion = counts.get("prompt_tokens"), counts.get("completion_tokens")
+    if type(prompt) is type(completion) is int and 0 <= prompt <= MOST_TOKENS and 0 < completion <= MOST_TOKENS:
+        return Spent(prompt, completion)  # as nearly all servers say it
     prompt = counts.get("input_tokens") if prompt is None else prompt
     return Spent(_count(prompt), _count(completion or counts.get("output_tokens")))
 
@@ -253,7 +255,12 @@ def _openai(reply: dict[str, Any]) -> Said | None:
     if not isinstance(choices, list):
         return None
     first = choices[0] if choices and isinstance(choices[0], dict) else {}
-    return Said(_message(first.get("message")), _text(first.get("finish_reason")), tokens_of(reply.get("usage")))
+    message, reason = first.get("message"), first.get("finish_reason")
+    return Said(
+        message if isinstance(message, dict) else None,
+        reason if isinstance(reason, str) else None,
+        tokens_of(reply.get("usage")),
+    )
 
 
 def _ollama(reply: dict[str, Any]) -> Said | None:

@@ -37,9 +37,10 @@ def estimated(text_bytes: int, pictures: int, limit: int | None) -> Spent:
 
 
 class Bill:
-    """Settled once; what comes after that changes nothing. `asked` is set when the request goes to the server."""
+    """Settled once; what comes after that changes nothing. `asked` is set when the request goes to the server;
+    `is_bounded`: a budget bounds it."""
 
-    __slots__ = ("_accounts", "_key", "_model", "_open", "_reservation", "asked", "estimate")
+    __slots__ = ("_accounts", "_key", "_model", "_open", "_reservation", "asked", "estimate", "is_bounded")
 
     def __init__(self, accounts: "Accounts", key: Key, model: str, estimate: Spent) -> None:
         """Raises OverBudget where the key's tokens of this minute are spent."""
@@ -49,13 +50,9 @@ class Bill:
         self._key = key
         self._model = model
         self._reservation = UNBOUND
+        self.is_bounded = bool(key.spender.budgets)
         key.hold(estimate.prompt + estimate.completion)
         self._open = True
-
-    @property
-    def is_bounded(self) -> bool:
-        """Whether a budget bounds it."""
-        return bool(self._key.spender.budgets)
 
     async def reserve(self) -> None:
         """Room in the budgets of the key and its team. Raises OverBudget."""

@@ -2,7 +2,7 @@
 
 from contextlib import closing
 
-from services.vlm_gateway.upstream.health import FAILURES, ServerHealth
+from services.vlm_gateway.upstream.health import FAILURES, Call, ServerHealth
 
 
 def test_a_server_that_can_t_be_reached_is_left_alone_by_everybody() -> None:
@@ -45,11 +45,11 @@ def test_without_keys_everybody_is_one_caller() -> None:
 def test_a_success_forgives_and_a_call_that_was_given_up_frees_the_probe() -> None:
     health = ServerHealth(failures=1, pause_s=0.0)
     health.failure("a", "server")
-    with closing(health.call("a")):
+    with closing(Call(health, "a")):
         assert health.allow("a")
         assert health.state == "half_open"
     assert health.allow("b")  # the probe ended undecided, so another may try at once
-    with closing(health.call("b")) as call:
+    with closing(Call(health, "b")) as call:
         call.succeeded()
         call.failed("server")  # what became of a call is told once
     assert health.state == "closed"
@@ -59,7 +59,7 @@ def test_a_stream_that_begins_to_speak_lets_the_others_in_and_one_more_failure_k
     health = ServerHealth(failures=3, pause_s=60.0)
     for _ in range(3):
         health.failure("a", "server")
-    with closing(health.call("a")) as call:
+    with closing(Call(health, "a")) as call:
         call.brought_content()
         assert health.allow("b")
         call.failed("server")
