@@ -10,6 +10,7 @@ and what is sent on is the skeleton, its model's name exchanged, with the pictur
 
 import re
 import secrets
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from typing import NamedTuple
 
 import pybase64
@@ -21,6 +22,7 @@ from services.vlm_gateway.hot.request import Chat, check_chat
 from services.vlm_gateway.pictures import CutOut
 from services.vlm_gateway.upstream.http_reply import Buffer
 
+_MARKS = (BOM_UTF8, BOM_UTF16_LE, BOM_UTF16_BE)
 _MIN_CUT = 256
 _MAX_HOLES = 1000
 _MAX_PREFIX = 200
@@ -77,6 +79,8 @@ def read(scanned: Scanned, limits: ChatLimits) -> tuple[Scanned, Chat]:
     try:
         body = from_json(scanned.skeleton, allow_inf_nan=False, catch_duplicate_keys=True)
     except ValueError as error:
+        if scanned.raw.startswith(_MARKS) or b"\0" in scanned.raw[:4]:
+            raise invalid("body", "JSON in UTF-8 without a byte order mark is wanted") from None
         raise invalid("body", f"not valid JSON: {str(error)[:200]}") from None
 
     def cut_out(text: str) -> CutOut | None:

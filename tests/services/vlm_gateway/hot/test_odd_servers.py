@@ -41,6 +41,13 @@ def test_a_stream_is_one_whatever_its_server_calls_it(serve: Serve, mock: OpenAi
     assert "one" in answer.text
 
 
+def test_a_whole_reply_with_a_byte_order_mark_is_understood(serve: Serve, mock: OpenAiMock) -> None:
+    body = BOM + json.dumps(completion("hello")).encode()
+    mock.will(typed("application/json", body))
+    answer = post(serve(build({"m": chat_backend(mock)}).app), PATH, {**chat(), "stream": False})
+    assert (answer.status_code, answer.content) == (200, body)
+
+
 def test_an_error_that_is_no_event_ends_a_stream_with_its_status(serve: Serve, mock: OpenAiMock) -> None:
     bare = json.dumps({"error": {**ERROR, "code": 429}}, indent=1).encode()
     url = serve(build({"m": chat_backend(mock, retries=0)}).app)

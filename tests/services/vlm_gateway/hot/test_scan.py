@@ -33,6 +33,12 @@ def sent(raw: bytes, wanted: Accepted = WANTED) -> bytes:
     return b"".join(bytes(piece) for piece in rewritten(scanned, chat, wanted))
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-32-be"])
+def test_a_body_that_is_not_plain_utf_8_is_told_so(encoding: str) -> None:
+    with pytest.raises(BadQuestion, match="JSON in UTF-8 without a byte order mark is wanted"):
+        sent(json.dumps(body()).encode(encoding))
+
+
 def test_only_the_model_s_name_differs_in_what_is_sent_on() -> None:
     for form in ({}, {"separators": (",", ":")}, {"indent": 2}, {"ensure_ascii": False}):
         raw = json.dumps(body(), **form).encode()
