@@ -96,21 +96,31 @@ class CarlaClient:
             self._forget()
 
     def open_eyes(self, lenses: Sequence[Lens]) -> list[Eye]:
-        """Cameras, wherever, once each has sent its first picture. Raises Unavailable."""
+        """Cameras, wherever, once each has sent its first picture; none is left where one of them fails. Raises
+        Unavailable."""
         with self._lock, self._reached():
             world = self._in_world()
-            eyes = [self._spawned(world, lens) for lens in lenses]
-            for eye in eyes:
-                eye.listen()
-            give_up = monotonic() + self.server.timeout_s
-            while not all(eye.opens_within(FIRST_PICTURE_S) for eye in eyes):
-                if monotonic() > give_up:
-                    raise Unavailable(
-                        f"CARLA sent no picture within {self.server.timeout_s:g} s of a camera's start",
-                        code="no_picture",
-                    )
-                world.tick(self.server.timeout_s)
+            eyes: list[Eye] = []
+            try:
+                for lens in lenses:
+                    eyes.append(self._spawned(world, lens))
+                self._await_first_pictures(world, eyes)
+            except BaseException:
+                with suppress(RuntimeError):
+                    _destroyed(eyes)
+                raise
             return eyes
+
+    def _await_first_pictures(self, world: Any, eyes: Sequence[Eye]) -> None:
+        for eye in eyes:
+            eye.listen()
+        give_up = monotonic() + self.server.timeout_s
+        while not all(eye.opens_within(FIRST_PICTURE_S) for eye in eyes):
+            if monotonic() > give_up:
+                raise Unavailable(
+                    f"CARLA sent no picture within {self.server.timeout_s:g} s of a camera's start", code="no_picture"
+                )
+            world.tick(self.server.timeout_s)
 
     def put_up(self, blueprint_name: str, attributes: Mapping[str, str], placed: Placed) -> tuple[float, float, float]:
         """A prop; where the middle of it is against its own origin, in CARLA's frame. Raises BadQuestion or
@@ -131,10 +141,7 @@ class CarlaClient:
     def close_eyes(self, eyes: Sequence[Eye]) -> None:
         """They are taken away. Those of a connection that was lost go with their map, which is loaded anew."""
         with self._lock, suppress(Unavailable), self._reached():
-            for eye in eyes:
-                if eye.world is self._world:
-                    eye.actor.stop()
-                    destroy(eye.actor)
+            _destroyed([eye for eye in eyes if eye.world is self._world])
 
     def take(self, eyes: Sequence[Eye], places: Sequence[Placed], *, settled: bool) -> list[NDArray[np.uint8]]:
         """(H, W, 4) each, blue first: what the cameras see from there at one tick. `settled`: after the ticks that
@@ -251,3 +258,10 @@ class CarlaClient:
             log.warning("CARLA at %s: %s", self.server, error)
             self._forget()
             raise Unavailable(f"CARLA at {self.server} does not answer as it should: {error}", code="carla") from None
+
+
+def _destroyed(eyes: Sequence[Eye]) -> None:
+    """Raises RuntimeError where CARLA does not do it."""
+    for eye in eyes:
+        eye.actor.stop()
+        destroy(eye.actor)

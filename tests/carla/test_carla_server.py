@@ -60,6 +60,12 @@ def test_pictures_that_are_a_tick_late_are_waited_for_and_later_ones_are_an_erro
         assert error(asked(launch(later.port)))[:2] == (503, "late_pictures")
 
 
+def test_cameras_that_send_no_picture_are_taken_away_again(tmp_path: Path, launch: Launch) -> None:
+    with DoubleProcess(tmp_path / "log", "--yard", "--blind") as blind:
+        assert error(asked(launch(blind.port, timeout_s=2.0)))[:2] == (503, "no_picture")
+        assert ours(world_of(blind)) == 0
+
+
 def test_a_server_that_falls_silent_is_unavailable_and_may_come_back(own_double: DoubleProcess, launch: Launch) -> None:
     http = launch(own_double.port, timeout_s=3.0)
     episode = begun(http)

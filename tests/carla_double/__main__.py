@@ -17,6 +17,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.carla_double", description=__doc__)
     parser.add_argument("--port", type=int, default=2000, help="of the remote calls; the next one has the streams")
     parser.add_argument("--late", type=int, default=0, help="ticks by which pictures lag behind their cameras")
+    parser.add_argument("--blind", action="store_true", help="no camera ever sends a picture")
     parser.add_argument("--release", default=VERSION, help="which release of CARLA it says that it is")
     parser.add_argument("--yard", action="store_true", help="one map, the yard of the simulator's tests")
     parser.add_argument("--documents", type=Path, help="a folder: writes where the samples' scenes lie, and ends")
@@ -27,7 +28,8 @@ def main() -> None:
         write_documents(samples, asked.documents)
         return
     maps, build = ([make_yard()], build_boxes) if asked.yard else (samples, build_scene)
-    with running_double(maps, build, asked.port, follows_late=asked.late, version=asked.release) as double:
+    faults = {"follows_late": asked.late, "blind": asked.blind, "version": asked.release}
+    with running_double(maps, build, asked.port, **faults) as double:
         logging.info("listening at %s; maps: %s", double.address, ", ".join(scene.name for scene in maps))
         signal.sigwait({signal.SIGINT, signal.SIGTERM})
 

@@ -64,7 +64,7 @@ class _Actor:
 
 class Simulation:
     """`maps` by their names; the first is loaded. `follows_late`: ticks by which a camera's picture lags behind its
-    place. `host` is an IPv4 address; port + 1 has the streams."""
+    place. `blind`: no camera sends any. `host` is an IPv4 address; port + 1 has the streams."""
 
     def __init__(
         self,
@@ -74,12 +74,14 @@ class Simulation:
         *,
         version: str = VERSION,
         follows_late: int = 0,
+        blind: bool = False,
     ) -> None:
         self._maps = {scene.name: scene for scene in maps}
         self._build = build
         self._renderer = renderer
         self._version = version
         self._late = follows_late
+        self._blind = blind
         self._street = Street(maps[0], build, renderer)
         self.map = maps[0].name
         self.actors: dict[int, _Actor] = {}
@@ -130,7 +132,7 @@ class Simulation:
         for number, one in list(self.actors.items()):
             one.seen_from.append(one.at)
             del one.seen_from[: -1 - self._late]
-            if one.lens is not None and self._streams.heard(number):
+            if one.lens is not None and self._streams.heard(number) and not self._blind:
                 at = one.seen_from[0]
                 taken = await self._street.take(at, one.lens)
                 kind = CAMERAS[one.blueprint]
