@@ -43,14 +43,14 @@ def door_spot(building: Building, toward: Toward) -> DoorSpot | None:
 
 
 def entrance(assembly: Assembly, part: int, building: Building, textures: TextureSet, spot: DoorSpot) -> list[Mesh]:
-    """The door, its frame and its canopy; says what of them is solid."""
-    door, solid = _door(building, spot.width_m, spot.room_m, textures)
-    assembly.block(part, stamped(solid, [spot.frame]))
-    return [stamped(door, [spot.frame])]
+    """The door, its frame and its canopy, as solid as they are drawn: who flies by depth may come as near as it shows."""
+    door = stamped(_door(building, spot.width_m, spot.room_m, textures), [spot.frame])
+    assembly.block(part, door)
+    return [door]
 
 
-def _door(building: Building, width: float, room: float, textures: TextureSet) -> tuple[Mesh, Mesh]:
-    """The door in the wall's axes, and what of it is solid."""
+def _door(building: Building, width: float, room: float, textures: TextureSet) -> Mesh:
+    """The door in the wall's axes."""
     style = building.style
     w, h = width / 2, 2.2
     leaf = "#7a3026" if building.kind == "cultural" else style.accent_colour
@@ -69,7 +69,6 @@ def _door(building: Building, width: float, room: float, textures: TextureSet) -
         box((0.12, width + 0.3, 0.18), (0.06, 0, h + 0.09), trim, without=("-x",)),
         box((0.5, width + 0.5, 0.16), (0.25, 0, 0.08), "#a8a49c", textures.layer("paving"), without=("-x", "-z")),
     ]
-    solid = [box((0.12, width + 0.3, h + 0.18), (0.06, 0, h / 2 + 0.09))]
     lamp = box((0.14, 0.14, 0.24), (0.10, w + 0.30, 1.95), "#f4ecd0")
     if building.kind == "villa":
         r = min(room, 2.2) / 2
@@ -85,14 +84,12 @@ def _door(building: Building, width: float, room: float, textures: TextureSet) -
         )
         posts = [cylinder(0.09, 2.6, (1.2, y, 0.0), 10, style.trim_colour) for y in (-r, r)]
         parts += [roof, *posts, box((1.45, 2 * r + 0.4, 0.14), (0.72, 0, 0.07), "#b5afa5", textures.layer("paving"))]
-        solid += [box((1.4, 2 * r + 0.3, 0.4), (0.7, 0, 2.8)), *posts]
     elif building.kind != "cultural":
         deep = 1.4 if building.kind == "high_rise" else 0.9
         wide = min(room - 0.1, width + (1.4 if building.kind == "high_rise" else 0.5))
         canopy = box((deep, wide, 0.14), (deep / 2, 0, h + 0.38), style.trim_colour, without=("-x",))
         parts += [canopy, lamp]
-        solid.append(canopy)
-    return concatenate(parts), concatenate(solid)
+    return concatenate(parts)
 
 
 def toward_start(building: Building, x: float, y: float) -> Toward:

@@ -24,12 +24,14 @@ from contracts.scene import (
     WindowPlace,
 )
 from contracts.scene_layout import columns_of, facades, window_slot
+from services.sim.geometry.entrances import door_spot, toward_start
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import SceneMesh, UnknownObject, build_scene_mesh
 from services.sim.geometry.solids import standing_box
 from services.sim.geometry.textures import TextureSet, base_textures
 from services.sim.render.gl import GlRenderer
 from services.sim.render.views import project
+from services.sim.world import Blueprint, World
 from tests.cameras import square
 
 _BLOCK = ((-8.0, -6.0), (8.0, -6.0), (8.0, 6.0), (-8.0, 6.0))
@@ -220,6 +222,20 @@ def test_a_pagoda_sets_back_floor_by_floor() -> None:
         widths.append(float(np.abs(storey[:, 0]).max()))
     assert widths == sorted(widths, reverse=True)
     assert widths[0] > widths[-1] + 2.0
+
+
+@pytest.mark.parametrize("kind", ["villa", "low_rise", "high_rise"])
+@pytest.mark.parametrize(("up_m", "out_m"), [(1.2, 0.03), (2.25, 0.12)])
+def test_a_drone_comes_as_near_to_a_door_as_it_is_drawn(kind: BuildingKind, up_m: float, out_m: float) -> None:
+    house = building(kind=kind, floors=2)
+    document = scene(house)
+    spot = door_spot(house, toward_start(house, document.start.position.x, document.start.position.y))
+    assert spot is not None
+    world = World(Blueprint(build_scene_mesh(document, cube, base_textures()).solids, 60.0, 10.0), radius_m=0.02)
+    before, at = (tuple((spot.frame @ (x, 0.0, up_m, 1.0))[:3].tolist()) for x in (1.0, -0.5))
+    free_m = world.sweep(before, at).free_m
+    world.close()
+    assert free_m == pytest.approx(1.0 - out_m - 0.02, abs=0.005)
 
 
 def test_twenty_storeys_stay_light() -> None:
