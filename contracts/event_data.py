@@ -119,6 +119,20 @@ class BuildingBoxData(Wire):
     seconds: Seconds
 
 
+class HeightCheckData(Wire):
+    """One more count at the final height. `row_m`: how high the row of windows level with the camera is, null where
+    none is; `floor_seen`: its floor, counted from the ground, null where that is too far beneath; `confirmed`:
+    a row is there, and nothing says that it is another floor's; null where the answer tells no rows."""
+
+    pose: Pose
+    floor_wanted: int | None
+    floor_seen: int | None
+    row_m: float | None
+    confirmed: bool | None
+    answer: FloorCountAnswer
+    seconds: Seconds
+
+
 class JudgedMatch(Match):
     """A match and what depth says of it. `place` and `distance_m` are null without depth in the box; `rejected`: why it
     can't be the window asked for, null if it can; `accepted`: it is the one that the mission goes by."""
@@ -258,6 +272,7 @@ EventData: TypeAlias = (
     | PlacedData
     | StandOffData
     | FloorCountData
+    | HeightCheckData
     | BuildingBoxData
     | LookData
     | DirectionData

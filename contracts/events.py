@@ -23,6 +23,7 @@ from contracts.event_data import (
     DirectionData,
     EventData,
     FloorCountData,
+    HeightCheckData,
     LookData,
     LostData,
     MoveData,
@@ -101,6 +102,11 @@ class FloorCountEvent(MissionEvent):
     data: FloorCountData
 
 
+class HeightCheckEvent(MissionEvent):
+    kind: Literal["height_check"] = "height_check"
+    data: HeightCheckData
+
+
 class BuildingBoxEvent(MissionEvent):
     kind: Literal["building_box"] = "building_box"
     data: BuildingBoxData
@@ -172,6 +178,7 @@ KnownEvent: TypeAlias = (
     | PlacedEvent
     | StandOffEvent
     | FloorCountEvent
+    | HeightCheckEvent
     | BuildingBoxEvent
     | LookEvent
     | DirectionEvent

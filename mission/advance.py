@@ -3,11 +3,13 @@
 import time
 from typing import assert_never
 
+from contracts.orchestrator import OutcomeName
 from mission.stage_actions.approaching import check_candidate, close_in, face_candidate
 from mission.stage_actions.asking import wait_for_answer
 from mission.stage_actions.beginning import place_drone, preflight, read_request
 from mission.stage_actions.claiming import claim_window
 from mission.stage_actions.climbing import check_climb, climb
+from mission.stage_actions.confirming import confirm_height
 from mission.stage_actions.direct_count import back_off, count_whole, find_top, rise_with_distance
 from mission.stage_actions.exploring import leave_blocked, look_round
 from mission.stage_actions.floors import box_building, count_band, count_band_from_nearer, measure_stand_off
@@ -20,6 +22,7 @@ from mission.stages import (
     ClaimWindow,
     Climb,
     CloseIn,
+    ConfirmHeight,
     CountBand,
     CountBandFromNearer,
     CountWhole,
@@ -41,6 +44,11 @@ from mission.stages import (
 from mission.state import MissionState
 from mission.step import MissionContext, MissionEnd, Step
 
+LOST_WAY: frozenset[OutcomeName] = frozenset(
+    {"no_building", "floor_not_found", "object_not_found", "blocked", "collision", "stopped_by_guard"}
+)
+"""Ends to which where the drone began may have led."""
+
 
 async def advance(state: MissionState, context: MissionContext) -> MissionState:
     """The state after one stop: at most one flight, a look, a question or two. A state that has ended stays.
@@ -59,11 +67,17 @@ async def run(step: Step) -> MissionState:
             await step.fly(step.state.flight)
         stage = await _act(step, step.state.stage)
     except MissionEnd as end:
-        stage = Ended(outcome=end.outcome, message=end.message)
+        stage = Ended(outcome=end.outcome, message=_with_remark(step, end))
     finally:
         step.spend("total", time.perf_counter() - started)
     step.update(stage=stage)
     return step.state
+
+
+def _with_remark(step: Step, end: MissionEnd) -> str:
+    """Why the mission ended, and what was amiss where it began, which may be the reason."""
+    remark = step.state.start_remark
+    return f"{end.message}; {remark}" if remark is not None and end.outcome in LOST_WAY else end.message
 
 
 async def _act(step: Step, stage: Stage) -> Stage:
@@ -96,6 +110,8 @@ async def _act(step: Step, stage: Stage) -> Stage:
             return await find_top(step, stage)
         case CountWhole():
             return await count_whole(step, stage)
+        case ConfirmHeight():
+            return await confirm_height(step, stage)
         case BoxBuilding():
             return await box_building(step)
         case LookRound():

@@ -158,13 +158,22 @@ class CountWhole(WholeBuilding):
     silent: int = 0
 
 
+class ConfirmHeight(Wire):
+    """At the final height: is it that of the floor asked for? `stand_off_m`: of the facade that was counted;
+    `counted_m`: the height that was counted first, where one more count has led here from it."""
+
+    at: Literal["confirm_height"] = "confirm_height"
+    stand_off_m: Metres
+    counted_m: float | None = None
+
+
 class BoxBuilding(Wire):
     """At the final height: which part of the picture is the building?"""
 
     at: Literal["box_building"] = "box_building"
 
 
-AfterClimb = Annotated[CountBand | FindTop | BoxBuilding, Field(discriminator="at")]
+AfterClimb = Annotated[CountBand | FindTop | ConfirmHeight | BoxBuilding, Field(discriminator="at")]
 Attempt = Literal["from_here", "from_farther_off"]
 
 
@@ -253,6 +262,7 @@ Stage = Annotated[
     | RiseWithDistance
     | FindTop
     | CountWhole
+    | ConfirmHeight
     | BoxBuilding
     | LookRound
     | LeaveBlocked

@@ -68,7 +68,9 @@ class MissionState(Wire):
     `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
     flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
     flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
-    look that takes several stops. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
+    look that takes several stops. `height_confirmed`: whether a look at the final height showed
+    the row of windows asked for, null where nothing tells. `start_remark`: what was amiss where the drone began, for
+    the customer. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
     flights that it has refused since the last one it let happen. `silent_looks`
     counts useless answers in a row, `approaches` those begun and given up. `elsewhere`: where else such a
     thing was seen, for the customer; `another`: where a second one was surely seen, at another window that the request
@@ -92,6 +94,7 @@ class MissionState(Wire):
     trail: tuple[Point3, ...] = ()
     final_height_m: float | None = None
     floor_height_m: float | None = None
+    height_confirmed: bool | None = None
     building_box: Box | None = None
     memory: dict[str, JsonValue] = {}
     looking: LookUnderWay | None = None
@@ -104,6 +107,7 @@ class MissionState(Wire):
     elsewhere: dict[str, str] = {}
     another: Point3 | None = None
     no_building: tuple[Radians, ...] = ()
+    start_remark: str | None = None
     lost: LostSighting | None = None
     steps: int = 0
     stops: tuple[Stop, ...] = ()

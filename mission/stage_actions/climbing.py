@@ -7,7 +7,7 @@ from itertools import pairwise
 from contracts.geometry import Point3
 from contracts.vehicle import MAX_PATH_POINTS
 from mission.places import above, ahead
-from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, CountBand
+from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, ConfirmHeight, CountBand
 from mission.step import MissionEnd, Step
 
 BACK_OFF_M = 1.0
@@ -65,7 +65,8 @@ def _over_the_roof(step: Step, stage: Climb) -> AfterClimb:
     """As high as is allowed over what stands here: what is to be seen from higher up can't be of this building."""
     high = f"nothing here is higher than {step.drone.vehicle.ceiling_m - step.drone.vehicle.limits.roof_margin_m:.1f} m"
     floor = step.state.floor
-    if isinstance(stage.then, BoxBuilding):
+    first = isinstance(stage.then, ConfirmHeight) and stage.then.counted_m is None
+    if first or isinstance(stage.then, BoxBuilding):
         raise MissionEnd("floor_not_found", f"{high}: there is no floor {floor} at {stage.to_m:.1f} m")
     if isinstance(stage.then, CountBand) and step.pose.z < stage.then.band.lower_m:
         raise MissionEnd("floor_not_found", f"{high}, and no floor {floor} was found up to there")

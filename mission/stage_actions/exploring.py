@@ -65,8 +65,18 @@ async def _go_on(step: Step, plan: Plan) -> None:
     if onward.told is not None:
         step.write(*onward.told)
     if isinstance(onward.stop, NothingLeft):
-        raise _not_found(step, f"no window with {step.thing} was found; {onward.stop.why}")
+        raise _not_found(step, f"no window with {step.thing} was found; {_searched(step, onward.stop.why)}")
     step.plan_flight(*onward.stop)
+
+
+def _searched(step: Step, why: str) -> str:
+    """What was searched: nothing is said of a floor whose height was not confirmed."""
+    if step.state.height_confirmed is not False:
+        return why
+    at = f"at {step.state.final_height_m or 0.0:.1f} m"
+    return (
+        f"the search {at} is over, but no row of windows confirmed that this is the height of floor {step.state.floor}"
+    )
 
 
 def _not_found(step: Step, message: str) -> MissionEnd:

@@ -25,7 +25,16 @@ from mission.stage_actions.floor_counts import (
     vertical,
     write_count,
 )
-from mission.stages import BackOff, BandCount, BoxBuilding, Climb, CountBand, CountBandFromNearer, LookRound, TakeStand
+from mission.stages import (
+    BackOff,
+    BandCount,
+    Climb,
+    ConfirmHeight,
+    CountBand,
+    CountBandFromNearer,
+    LookRound,
+    TakeStand,
+)
 from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
 from navigation.floor_localization import FinalHeight, FloorNotFound, Recount, WindowRows, band, band_span_m
@@ -83,7 +92,7 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
     write_count(step, sight, count, stage.band, top, decision)
     match decision:
         case FinalHeight():
-            return to_final_height(step, decision, f"to floor {step.state.floor} at {decision.height_m:.1f} m")
+            return _to_final_height(step, decision, stage.stand_off_m)
         case FloorNotFound():
             if decision.floors_counted == 0 and len(step.state.no_building) < MAX_NO_BUILDINGS:
                 return _look_elsewhere(step)
@@ -119,10 +128,11 @@ def _look_elsewhere(step: Step) -> TakeStand:
     return TakeStand(looked_behind=True)
 
 
-def to_final_height(step: Step, final: FinalHeight, why: str) -> Climb:
+def _to_final_height(step: Step, final: FinalHeight, stand_off_m: float) -> Climb:
     """The climb to the middle of the floor that was asked for."""
     step.update(final_height_m=final.height_m, floor_height_m=final.floor_height_m)
-    return Climb(to_m=final.height_m, why=why, then=BoxBuilding())
+    why = f"to floor {step.state.floor} at {final.height_m:.1f} m"
+    return Climb(to_m=final.height_m, why=why, then=ConfirmHeight(stand_off_m=stand_off_m))
 
 
 async def box_building(step: Step) -> LookRound:

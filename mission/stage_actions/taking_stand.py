@@ -43,6 +43,8 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
         return _back_off(step, stage, views, pose)
     walls = [wall for wall in walls_about(views, pose) if not _is_no_building(step, wall)]
     facing = wall_ahead(walls)
+    if facing is None and stage.moves == 0:
+        _remark(step, "no building stood ahead of the drone where it began, so it looked about for one")
     if facing is None or facing.nearest_m > FAR_AHEAD_M:
         found = _elsewhere(step, stage, walls, facing, pose)
         if found is not None:
@@ -117,12 +119,15 @@ def _towards(
     step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose, distance_m: float, goal_m: float
 ) -> TakeStand | None:
     """Nearer to the facade, or away from it; null where the way is not free."""
+    if distance_m > StandOff.within(_reach_m(step)).far_m:
+        _remark(step, f"the drone began {distance_m:.0f} m from the building, too far to count its floors")
     if goal_m < distance_m:
         free_m = free_way_m(views, pose.z, 0.0, min(LONGEST_MOVE_M, distance_m - goal_m), BODY_M)
         if free_m < LEAST_MOVE_M:
             return None
         _fly(step, free_m, 0.0, pose.yaw, f"{distance_m:.0f} m is too far from the facade: nearer")
         return _next(stage)
+    _remark(step, f"the drone began {distance_m:.1f} m from the building, too near to see its floors")
     step.plan_flight((), pose.yaw + math.pi, f"{distance_m:.1f} m is too near to the facade: look for the way back")
     return _next(stage, backs_off_m=goal_m - distance_m)
 
@@ -161,6 +166,13 @@ def _begin(step: Step, remark: str | None = None) -> MeasureStandOff:
     if remark is not None:
         step.write(remark, NoData())
     return MeasureStandOff()
+
+
+def _remark(step: Step, said: str) -> None:
+    """What is amiss where the drone begins, once, for the customer."""
+    if step.state.start_remark is None:
+        step.update(start_remark=said)
+        step.write(said, NoData())
 
 
 def _fly(step: Step, length_m: float, bearing_deg: float, yaw: float | None, why: str) -> None:

@@ -122,6 +122,7 @@ function turned(from, to, share) {
 const ASKED = {
   parsed: () => "Which floor, which thing?",
   floor_count: () => "How many floors are visible?",
+  height_check: () => "How many floors are visible, from here?",
   building_box: () => "Where is the building?",
   look: (e) => `Is there ${article(e.data.object)}?`,
   direction: () => "Which way on?",

@@ -89,3 +89,26 @@ async def test_where_no_building_stands_it_says_so() -> None:
     assert result.outcome == "no_building"
     assert "no building" in result.message
     assert result.steps == 0
+
+
+@pytest.mark.parametrize(
+    ("y", "off_deg", "said"),
+    [(-7.2, 0.0, "too near"), (-44.0, 0.0, "too far"), (-15.0, 180.0, "stood ahead")],
+)
+async def test_what_was_amiss_where_it_began_is_said_and_stands_beside_why_nothing_was_found(
+    y: float, off_deg: float, said: str
+) -> None:
+    log = Events()
+    world = BlockWorld(start(y, off_deg))
+    asked = REQUEST.replace("floor 4", "floor 9")
+    result = await Mission(block_ports(world), block_placement(world), MissionSettings(), log).fly(asked)
+    assert result.outcome == "floor_not_found"
+    assert said in result.message
+    assert [e for e in log if e.phase == "place" and e.kind == "phase" and said in e.message]
+
+
+async def test_of_a_good_start_nothing_is_said() -> None:
+    world = BlockWorld(start(-15.0))
+    asked = REQUEST.replace("floor 4", "floor 9")
+    result = await Mission(block_ports(world), block_placement(world), MissionSettings(), Events()).fly(asked)
+    assert "began" not in result.message

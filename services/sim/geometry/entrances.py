@@ -43,7 +43,7 @@ def door_spot(building: Building, toward: Toward) -> DoorSpot | None:
 
 
 def entrance(assembly: Assembly, part: int, building: Building, textures: TextureSet, spot: DoorSpot) -> list[Mesh]:
-    """The door, its frame and its canopy, as solid as they are drawn: who flies by depth may come as near as it shows."""
+    """The door, its frame and its canopy, as solid as they are drawn: depth shows how near one may come."""
     door = stamped(_door(building, spot.width_m, spot.room_m, textures), [spot.frame])
     assembly.block(part, door)
     return [door]
