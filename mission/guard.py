@@ -16,6 +16,7 @@ from contracts.flight_limits import FlightLimits, GuardAction, RefusalReason
 from contracts.geometry import Point3, Pose
 from contracts.images import BadImage, decode_depth
 from contracts.vehicle import MAX_PATH_POINTS, Move, MoveResult, Observation, VehicleCapabilities, VehicleState
+from mission.endurance import left_s
 from mission.frames import FINAL, FlightRefused, FrameWatch
 from mission.looks import FAR_M, navigation_camera
 from mission.places import distance_m, point_of
@@ -33,8 +34,6 @@ LOOKS_KEPT = 12
 HERE_M = 0.5
 """A look from farther off does not show what is about the drone."""
 FAST_SHARE = 1.15
-USUAL_ENDURANCE_S = 900.0
-"""Taken where nothing measures how fast the battery empties."""
 
 
 class GuardedVehicle:
@@ -53,7 +52,7 @@ class GuardedVehicle:
         self._vehicle = vehicle
         self._capabilities = capabilities
         self.limits = limits
-        self._home = memory.home
+        self._began, self._home = memory, memory.home
         self._clock = clock
         self._looks: list[guard.Look] = []
         self._looked_s = -math.inf
@@ -67,7 +66,8 @@ class GuardedVehicle:
     @property
     def memory(self) -> GuardMemory:
         """What whoever carries the mission on must know."""
-        return GuardMemory(home=self._home, top_m=self._top_m, reach_m=self._shown_m, flown=tuple(self._corners))
+        learnt = {"top_m": self._top_m, "reach_m": self._shown_m, "flown": tuple(self._corners)}
+        return self._began.model_copy(update=learnt)
 
     @property
     def name(self) -> str:
@@ -279,16 +279,15 @@ class GuardedVehicle:
 
     def _left_s(self, state: VehicleState) -> float:
         """Seconds of flight until the reserve is touched, by how fast the battery has emptied so far."""
-        remaining = state.battery.remaining if state.battery.remaining is not None else 1.0
-        used = 1.0 - remaining
-        endurance_s = state.flight_s / used if used > 0.01 and state.flight_s > 0.0 else USUAL_ENDURANCE_S
-        return max(0.0, remaining - self.limits.battery_reserve) * endurance_s
+        return left_s(state.battery.remaining, self._began.charge, state.flight_s, self.limits.battery_reserve)
 
 
 async def guarded(vehicle: Vehicle, limits: FlightLimits, memory: GuardMemory | None) -> GuardedVehicle:
     """The vehicle behind the guard; without a memory the mission starts where it is now. Raises PortError."""
     capabilities = await vehicle.connect()
-    memory = memory or GuardMemory(home=(await vehicle.state()).pose)
+    if memory is None:
+        state = await vehicle.state()
+        memory = GuardMemory(home=state.pose, charge=state.battery.remaining)
     return GuardedVehicle(vehicle, capabilities, limits, memory)
 
 

@@ -52,10 +52,12 @@ class LookUnderWay(Wire):
 
 
 class GuardMemory(Wire):
-    """What the flight guard knows of a mission's earlier flights: where it started, how high reaches what depth has
-    shown beside the drone, how far the depth sensors have shown that they reach, and the corners of the way flown."""
+    """What the flight guard knows of a mission's earlier flights: where it started, and with which share of a full
+    battery (`charge`), how high reaches what depth has shown beside the drone, how far the depth sensors have shown
+    that they reach, and the corners of the way flown."""
 
     home: Pose
+    charge: float | None = None
     top_m: float | None = None
     reach_m: Metres = 0.0
     flown: tuple[Point3, ...] = ()
