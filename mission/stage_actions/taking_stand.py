@@ -49,7 +49,6 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
         found = _elsewhere(step, stage, walls, facing, pose)
         if found is not None:
             return found
-        facing = wall_ahead(walls)
         if facing is None:
             return _nearer(step, stage, views, pose)
     off = wrap_radians(facing.facing_yaw - pose.yaw)
@@ -70,8 +69,8 @@ def _elsewhere(
     step: Step, stage: TakeStand, walls: Sequence[Wall], facing: Wall | None, pose: Pose
 ) -> TakeStand | None:
     """Nothing ahead, or only far off: the building may be aside or behind. Null where what is ahead is the best."""
-    near = [wall for wall in walls if wall.nearest_m <= AT_FOOT_M and _off_rad(wall, pose) <= BESIDE_RAD]
-    beside = next(iter(near), None)
+    near = (wall for wall in walls if wall.nearest_m <= AT_FOOT_M and _off_rad(wall, pose) <= BESIDE_RAD)
+    beside = next(near, None)
     if beside is None and facing is None and _has_looked_about(stage) and _reach_m(step) > SHORT_SIGHT_M:
         beside = next(iter(walls), None)
     if beside is not None and beside is not facing:
