@@ -19,7 +19,7 @@ from episode_kit.kinematics import Vector
 from service_kit.errors import BadQuestion
 from services.carla_world.client import CarlaClient
 from services.carla_world.depth import decoded_depth
-from services.carla_world.eyes import Eye, Kind, Lens
+from services.carla_world.eyes import Kind, Lens
 from services.carla_world.frames import Origin, camera_place, looking_along
 from services.carla_world.sweep import PROBE_PX
 
@@ -35,20 +35,16 @@ class CarlaRig:
         self._client = client
         self._origin = origin
         eyes = client.open_eyes([PROBE, *lenses_of(rig)])
-        self._probe, self._eyes = eyes[0], eyes[1:]
-        self._by_camera = {camera.name: self._eyes[2 * i : 2 * i + 2] for i, camera in enumerate(rig.cameras)}
+        self._probe = eyes[0]
+        self._by_camera = {camera.name: eyes[2 * i + 1 : 2 * i + 3] for i, camera in enumerate(rig.cameras)}
 
     def look(self, pose: Pose, cameras: Sequence[Camera], depth: bool) -> list[list[NDArray[np.uint8]]]:
         """Of each camera the picture and, where asked for, the coded depth: (H, W, 4), blue first. Raises
         Unavailable."""
-        eyes: list[Eye] = []
-        places = []
-        for camera in cameras:
-            own = self._by_camera[camera.name][: 2 if depth else 1]
-            eyes += own
-            places += [camera_place(pose, camera, self._origin)] * len(own)
-        taken = self._client.take(eyes, places, settled=True)
         each = 2 if depth else 1
+        eyes = [eye for camera in cameras for eye in self._by_camera[camera.name][:each]]
+        places = [place for c in cameras for place in [camera_place(pose, c, self._origin)] * each]
+        taken = self._client.take(eyes, places, settled=True)
         return [taken[i : i + each] for i in range(0, len(taken), each)]
 
     def probe(self, start: Vector, end: Vector) -> NDArray[np.float64]:
@@ -58,7 +54,7 @@ class CarlaRig:
         return decoded_depth(self._client.take([self._probe], [place], settled=False)[0])
 
     def close(self) -> None:
-        self._client.close_eyes([self._probe, *self._eyes])
+        self._client.close_eyes([self._probe, *(eye for eyes in self._by_camera.values() for eye in eyes)])
 
 
 class CarlaSenses:

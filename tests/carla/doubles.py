@@ -11,7 +11,7 @@ from typing import Self
 
 from tests.carla_double.running import HOST, two_free_ports
 
-START_DEADLINE_S = 120.0
+START_DEADLINE_S = 300.0
 
 
 class DoubleProcess:
