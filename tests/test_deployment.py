@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ import kubernetes_validate
 import pytest
 import yaml
 
-from scripts.configuration import SERVICES
-from service_kit.addresses import PORTS
+from contracts.fleet import FleetFile
+from scripts.configuration import OTHER_VEHICLES, SERVICES
+from service_kit.addresses import PORTS, VEHICLE_PORTS
 from tests.agreements.test_errors_described import SERVICES as APPS
 from tests.agreements.test_errors_described import TOKEN
 
@@ -38,14 +40,14 @@ def test_manifests_are_what_kubernetes_takes(path: Path) -> None:
         kubernetes_validate.validate(document, OLDEST_KUBERNETES, strict=True)
 
 
-@pytest.mark.parametrize("folder", [KUBERNETES, KUBERNETES / "bench"], ids=["base", "bench"])
+@pytest.mark.parametrize("folder", [KUBERNETES, KUBERNETES / "bench", KUBERNETES / "carla"], ids=lambda f: f.name)
 def test_a_kustomization_names_every_manifest_beside_it(folder: Path) -> None:
     (kustomization,) = documents(folder / "kustomization.yaml")
     assert sorted(kustomization["resources"]) == sorted(p.name for p in MANIFESTS if p.parent == folder)
 
 
 def test_every_pod_is_bounded_unprivileged_and_knows_no_account() -> None:
-    assert len(pods()) == len(SERVICES) + 2  # Redis and bench
+    assert len(pods()) == len(SERVICES) + 3  # Redis, bench, carla-world
     for pod in pods():
         assert pod["automountServiceAccountToken"] is False
         assert pod["securityContext"]["runAsNonRoot"]
@@ -56,19 +58,21 @@ def test_every_pod_is_bounded_unprivileged_and_knows_no_account() -> None:
             assert safe["capabilities"] == {"drop": ["ALL"]}
 
 
-@pytest.mark.parametrize("name", SERVICES)
+@pytest.mark.parametrize("name", [*SERVICES, "carla_world"])
 def test_kubernetes_runs_each_service_as_its_settings_say(name: str) -> None:
-    deployment, service = documents(KUBERNETES / f"{name.replace('_', '-')}.yaml")
+    found = [path for path in MANIFESTS if path.stem == name.replace("_", "-")]
+    deployment, service = documents(found[0])
+    settings, port = (SERVICES | OTHER_VEHICLES)[name], (PORTS | VEHICLE_PORTS)[name]
     pod = deployment["spec"]["template"]["spec"]
     (container,) = pod["containers"]
-    assert {variable["name"] for variable in container["env"]} <= SERVICES[name].names()
-    assert container["ports"][0]["containerPort"] == service["spec"]["ports"][0]["port"] == PORTS[name]
+    assert {variable["name"] for variable in container["env"]} <= settings.names()
+    assert container["ports"][0]["containerPort"] == service["spec"]["ports"][0]["port"] == port
     assert {"startupProbe", "readinessProbe", "livenessProbe"} <= set(container)
     mounted = {item["key"] for volume in pod["volumes"] for item in volume.get("secret", {}).get("items", ())}
     files = {v["name"].removesuffix("_FILE").lower() for v in container["env"] if v["name"].endswith("_FILE")}
     assert mounted == files
     assert container["image"] == COMPOSE["services"][name.replace("_", "-")]["image"]
-    assert pod["terminationGracePeriodSeconds"] > SERVICES[name]().drain_timeout_s
+    assert pod["terminationGracePeriodSeconds"] > settings().drain_timeout_s
 
 
 def test_every_container_of_compose_is_bounded() -> None:
@@ -77,6 +81,18 @@ def test_every_container_of_compose_is_bounded() -> None:
         if service["image"].startswith("ollama"):
             continue  # as large as its model
         assert {"memory", "cpus", "pids"} <= set(service["deploy"]["resources"]["limits"]), name
+
+
+@pytest.mark.parametrize("name", OTHER_VEHICLES)
+def test_compose_has_a_profile_for_each_other_vehicle_and_a_fleet_that_names_it(name: str) -> None:
+    service, port = COMPOSE["services"][name.replace("_", "-")], VEHICLE_PORTS[name]
+    (profile,) = service["profiles"]
+    assert set(service["environment"]) <= OTHER_VEHICLES[name].names()
+    assert f":{port}/healthz" in service["healthcheck"]["test"][-1]
+    fleet = tomllib.loads((ROOT / "deploy" / profile / "fleet.toml").read_text(encoding="utf-8"))
+    (member,) = FleetFile.model_validate(fleet).vehicle
+    assert (member.kind, member.address) == ("simulator", f"http://{name.replace('_', '-')}:{port}")
+    assert sum(profile in other.get("profiles", ()) for other in COMPOSE["services"].values()) == 2, "and what it flies"
 
 
 def test_every_secret_of_compose_is_mounted_by_somebody_and_named_by_a_variable() -> None:
