@@ -1,7 +1,6 @@
 """The doors of mavlink_vehicle: the vehicle's contract at `/v1/vehicle`, and, where the simulator draws, the trial's
 routes at `/v1/episodes`, which are the simulator's own."""
 
-import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from typing import Annotated
@@ -25,6 +24,7 @@ from service_kit.errors import Conflict, NotFound, TooMany, Unavailable, error_a
 from service_kit.leaving import while_asked
 from services.mavlink_vehicle.cameras.filmed import FilmedCameras
 from services.mavlink_vehicle.link import Link
+from services.mavlink_vehicle.loops import Loops
 from services.mavlink_vehicle.release import AfterMission, Release
 from services.mavlink_vehicle.trial import Trials
 from services.mavlink_vehicle.vehicle import Vehicle
@@ -46,8 +46,8 @@ def build_app(
 ) -> FastAPI:
     """`trials`: where a simulator draws; `filmed`: where the vehicle has cameras of its own. Listens to the autopilot
     while the app is up."""
-    link, release = vehicle.drone.link, Release(vehicle, after_mission)
-    checks: dict[str, Check] = {"autopilot": lambda: _ready(link)}
+    link, release, loops = vehicle.drone.link, Release(vehicle, after_mission), Loops()
+    checks: dict[str, Check] = {"autopilot": lambda: _ready(link), "loops": loops.problem}
     checks |= {"sim": trials.simulator_usable} if trials is not None else {}
     checks |= {"cameras": filmed.problem} if filmed is not None else {}
 
@@ -56,12 +56,11 @@ def build_app(
         await link.start()
         if filmed is not None:
             filmed.start()
-        runs = [vehicle.drone.run(), vehicle.run(), *([trials.run()] if trials is not None else [])]
-        tasks = [asyncio.create_task(run) for run in runs]
+        loops.start({"the stream of set-points": vehicle.drone.run(), "the count of flight time": vehicle.run()})
+        if trials is not None:
+            loops.start({"the watch over leases": trials.run()})
         yield
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await loops.close()
         if trials is not None:
             await trials.close()
         await release.close()

@@ -14,6 +14,7 @@ from services.mavlink_vehicle.drone import Drone
 from services.mavlink_vehicle.flight_ends import Tolerance
 from services.mavlink_vehicle.link import Link
 from services.mavlink_vehicle.settings import MavlinkVehicleSettings
+from services.mavlink_vehicle.simulator import Simulator
 from services.mavlink_vehicle.task import Body, Task
 from services.mavlink_vehicle.telemetry import Telemetry
 from services.mavlink_vehicle.trial import Terms, Trials
@@ -33,7 +34,7 @@ def bootstrap(settings: MavlinkVehicleSettings) -> FastAPI:
     body = Body(radius_m, radius_m, settings.vehicle_battery_reserve)
     within_m = settings.vehicle_arrives_within_m
     tolerance = Tolerance(corner_m=within_m + 0.2, end_m=within_m, lost_m=within_m + 1.2)
-    drone = Drone(Link(settings.autopilot, Telemetry()), tolerance)
+    drone = Drone(Link(settings.autopilot, Telemetry()), tolerance, settings.vehicle_arms_within_s)
     token = revealed(settings.mavlink_vehicle_token)
     if settings.cameras is not None:
         try:
@@ -43,6 +44,6 @@ def bootstrap(settings: MavlinkVehicleSettings) -> FastAPI:
         vehicle = Vehicle(drone, Task(settings.vehicle_name, filmed, limits, body))
         return build_app(vehicle, filmed=filmed, after_mission=settings.vehicle_after_mission, token=token)
     vehicle = Vehicle(drone, Task(settings.vehicle_name, NoCameras(), limits, body))
-    simulator = ServiceClient("sim", settings.sim_url, timeout_s=5.0, token=revealed(settings.sim_token))
+    simulator = Simulator(ServiceClient("sim", settings.sim_url, timeout_s=5.0, token=revealed(settings.sim_token)))
     trials = Trials(vehicle, simulator, Terms(limits, settings.vehicle_battery_reserve, settings.vehicle_lease_s))
     return build_app(vehicle, trials=trials, after_mission=settings.vehicle_after_mission, token=token)

@@ -25,7 +25,7 @@ LINK_PATIENCE_S = 8.0
 READY_WITHIN_S = 40.0
 STREAM_FIRST_S = 0.6
 TRIES, TRY_AGAIN_S = 10, 0.5
-RISES_WITHIN_S = 30.0
+RISES_WITHIN_S, SLOWEST_CLIMB_M_S, OFF_GROUND_M = 30.0, 0.5, 1.0
 ALMOST_UP_M = 0.3
 LANDS_WITHIN_S = 180.0
 DISARMS_WITHIN_S = 8.0
@@ -40,14 +40,15 @@ CALM_S = 0.3
 
 
 class Drone:
-    """`on_the_way` is told the share of a course that is flown."""
+    """`arms_within_s`: so long it is asked again where it refuses to arm."""
 
-    def __init__(self, link: Link, tolerance: Tolerance | None = None) -> None:
+    def __init__(self, link: Link, tolerance: Tolerance | None = None, arms_within_s: float = 30.0) -> None:
         self.link = link
         self.telemetry: Telemetry = link.telemetry
         self.control = Control(link.telemetry)
         self.set_points = SetPoints(link)
         self.tolerance = tolerance or Tolerance()
+        self._arms_within_s = arms_within_s
         self.launch: Enu | None = None
         self.stop_asked = False
         self.hit: str | None = None
@@ -83,8 +84,24 @@ class Drone:
                 raise Stopped("it was told to stop")
             await asyncio.sleep(EVERY_S)
 
-    async def _armed(self) -> None:
-        """Raises CommandRefused, LinkLost, Interrupted."""
+    async def armed(self) -> Enu:
+        """Waits until it is ready, and arms; where it stands then. Raises CommandRefused, LinkLost, Interrupted."""
+        self.control.leave()
+        await self.ready()
+        self.control.expect("ready", "takeoff", "hold", "offboard", self.telemetry.mode)
+        give_up_s = self.telemetry.clock() + self._arms_within_s
+        while True:
+            try:
+                await self._arm()
+                break
+            except CommandRefused:  # a self-test may take its time after the estimate is there
+                if self.telemetry.clock() > give_up_s:
+                    raise
+                await self._until(lambda: False, TRY_AGAIN_S)
+        self.launch = self._here()
+        return self.launch
+
+    async def _arm(self) -> None:
         if self.link.firmware == "ardupilot":
             # its take-off is one of GUIDED, and a set-point on the ground would end it
             self.set_points.stop()
@@ -98,25 +115,24 @@ class Drone:
         await self._until(lambda: self.telemetry.armable is not False, ARMABLE_WITHIN_S)
         await self.link.arm()  # whatever is wrong still, the autopilot says it best
 
-    async def take_off(self, height_m: float) -> None:
-        """From the ground to `height_m` above it. Raises CommandRefused, LinkLost, Interrupted."""
-        self.control.leave()
-        await self.ready()
-        start = self._here()
-        self.launch = start
-        self.control.expect("ready", "takeoff", "hold", "offboard", self.telemetry.mode)
-        await self._armed()
+    async def take_off(self, start: Enu, height_m: float) -> None:
+        """Armed, from the ground at `start` to `height_m` above it. Raises CommandRefused, LinkLost, Interrupted."""
         await self.link.take_off(height_m)
-        up_m = start.up_m + height_m
+        up_m, patience = start.up_m + height_m, Patience()
 
         def almost_up() -> bool:
             place = self.telemetry.place
-            risen = place is not None and place.up_m > up_m - ALMOST_UP_M
-            hovers = self.telemetry.mode == "hold" and self.telemetry.in_air and self.telemetry.speed_m_s < SLOW_M_S
-            return risen or (hovers and place is not None and place.up_m > start.up_m + 1.0)
+            if place is None:
+                return False
+            short_m = up_m - place.up_m
+            # PX4 rises to a height of its own and holds there; others stay a little lower than they were told
+            rests = patience.over(short_m, self.telemetry.clock()) or self.telemetry.mode == "hold"
+            hovers = rests and self.telemetry.in_air and self.telemetry.speed_m_s < SLOW_M_S
+            return short_m < ALMOST_UP_M or (hovers and place.up_m > start.up_m + OFF_GROUND_M)
 
-        if not await self._until(almost_up, RISES_WITHIN_S):
-            raise StuckOnTheWay(f"it did not rise within {RISES_WITHIN_S:g} s{self.telemetry.last_words}")
+        within_s = RISES_WITHIN_S + height_m / SLOWEST_CLIMB_M_S
+        if not await self._until(almost_up, within_s):
+            raise StuckOnTheWay(f"it did not rise within {within_s:.0f} s{self.telemetry.last_words}")
         await self.take_over(start._replace(up_m=up_m))
         await self._settle(start._replace(up_m=up_m))
 
@@ -194,7 +210,8 @@ class Drone:
         await self.link.land()
         if not await self._until(lambda: self.telemetry.landed is True, LANDS_WITHIN_S):
             raise StuckOnTheWay(f"it did not land within {LANDS_WITHIN_S:g} s{self.telemetry.last_words}")
-        await self._until(lambda: not self.telemetry.armed, DISARMS_WITHIN_S)
+        if not await self._until(lambda: not self.telemetry.armed, DISARMS_WITHIN_S):
+            await self.link.disarm()  # its own timer may be switched off
         self.control.leave()
 
     async def leave(self) -> None:

@@ -99,6 +99,9 @@ class Link:
     async def arm(self) -> None:
         await self._do("arm", self._plugin.arm())
 
+    async def disarm(self) -> None:
+        await self._do("disarm", self._plugin.disarm())
+
     async def take_off(self, height_m: float) -> None:
         """PX4 rises to the height of its own parameter, ArduCopter to `height_m`."""
         if self.firmware != "px4":

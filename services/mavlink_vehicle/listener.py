@@ -4,7 +4,7 @@ import asyncio
 import math
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 from mavsdk.exceptions import MavsdkError
@@ -14,7 +14,15 @@ from services.mavlink_vehicle.frames import Ned, enu_of, yaw_of
 from services.mavlink_vehicle.telemetry import MODES, Mode, Telemetry
 
 POSE_HZ, STATE_HZ = 20.0, 2.0
+SLOW_HZ = 8.0
 ASK_AGAIN_S = 5.0
+
+
+class _Charge(NamedTuple):
+    """Of one battery: what is left of it, null where that is not known, and its voltage."""
+
+    remaining: float | None
+    voltage_v: float | None
 
 
 class Listener:
@@ -23,10 +31,11 @@ class Listener:
     def __init__(self, said: TelemetryAsync, telemetry: Telemetry) -> None:
         self._said = said
         self.telemetry = telemetry
+        self._batteries: dict[int, _Charge] = {}
 
     async def ask_for_streams(self, call: Callable[[Awaitable[None]], Awaitable[None]]) -> None:
         """ArduPilot sends what it is asked for, and forgets it when it is started again; it does not always say that it
-        has heard. `call` makes a call of MAVSDK."""
+        has heard; and others on the link, such as MAVProxy, ask for slower streams. `call` makes a call of MAVSDK."""
         said = self._said
         asked: list[tuple[Callable[[float], Awaitable[None]], float]] = [
             (said.set_rate_position_velocity_ned, POSE_HZ),
@@ -37,7 +46,8 @@ class Listener:
             (said.set_rate_home, STATE_HZ),
         ]
         while True:
-            if self.telemetry.place is None or self.telemetry.landed is None:
+            telemetry = self.telemetry
+            if telemetry.place is None or telemetry.landed is None or telemetry.poses.rate_hz < SLOW_HZ:
                 for ask, hz in asked:
                     with suppress(MavsdkError):
                         await call(ask(hz))
@@ -99,8 +109,11 @@ class Listener:
     def _drained(self, told: Any) -> None:
         self.telemetry.heard()
         left, volts = told.remaining_percent, told.voltage_v
-        self.telemetry.remaining = left / 100.0 if math.isfinite(left) and 0.0 <= left <= 100.0 else None
-        self.telemetry.voltage_v = volts if math.isfinite(volts) and 0.0 < volts < 1000.0 else None
+        remaining = left / 100.0 if math.isfinite(left) and 0.0 <= left <= 100.0 else None
+        self._batteries[told.id] = _Charge(remaining, volts if math.isfinite(volts) and 0.0 < volts < 1000.0 else None)
+        # the one that is empty first; those that tell nothing of themselves count where no other does
+        first = min(self._batteries.values(), key=lambda charge: 2.0 if charge.remaining is None else charge.remaining)
+        self.telemetry.remaining, self.telemetry.voltage_v = first
 
     def _homed(self, told: Any) -> None:
         place = enu_of(Ned(told.local_north_m, told.local_east_m, told.local_down_m, 0.0))

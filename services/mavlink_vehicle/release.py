@@ -29,11 +29,11 @@ class Release:
         if drone.telemetry.in_air and drone.control.in_hand() != "taken" and self._after != "hold":
             self._going = asyncio.create_task(self._go())
             return
+        await self._vehicle.begin(self._vehicle.task)
         try:
             await drone.leave()
         except (CommandRefused, LinkLost) as error:
             log.warning("it is not told to hold by itself: %s", error)
-        self._vehicle.begin(self._vehicle.task)
 
     async def close(self) -> None:
         if self._going is not None:
@@ -45,6 +45,6 @@ class Release:
             if self._after == "return":
                 await vehicle.return_home()
             await vehicle.land()
-            vehicle.begin(vehicle.task)
+            await vehicle.begin(vehicle.task)
         except ServiceError as error:
             log.warning("after the mission: %s", error)

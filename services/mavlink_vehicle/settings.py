@@ -5,6 +5,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
+from contracts.base import Name
 from service_kit.addresses import Addresses
 from service_kit.settings import HttpAddress, ServiceSettings, Token
 
@@ -32,8 +33,9 @@ class MavlinkVehicleSettings(ServiceSettings):
     )
     sim_url: HttpAddress = Field(Addresses().sim, description="Where the simulator listens.")
     sim_token: Token | None = Field(None, description="The token that the simulator asks for.")
-    vehicle_name: str = Field(
-        "vehicle", pattern=r"^[A-Za-z0-9][A-Za-z0-9_.:-]{0,79}$", description="What the vehicle calls itself."
+    vehicle_name: Name = Field("vehicle", description="What the vehicle calls itself.")
+    vehicle_arms_within_s: float = Field(
+        30.0, ge=0.0, le=600.0, description="For so long an autopilot that refuses to arm is asked again."
     )
     vehicle_radius_m: float = Field(0.35, ge=0.05, le=5.0, description="Of a ball that holds all of the vehicle.")
     vehicle_max_speed_m_s: float = Field(3.0, ge=0.2, le=20.0, description="How fast its set-points move.")

@@ -61,6 +61,12 @@ class PoseHistory:
     def last(self) -> Timed | None:
         return self._poses[-1] if self._poses else None
 
+    @property
+    def rate_hz(self) -> float:
+        """How often one comes."""
+        poses = self._poses
+        return (len(poses) - 1) / max(1e-3, poses[-1].time_s - poses[0].time_s) if poses else 0.0
+
     def add(self, time_s: float, place: Enu) -> None:
         """One more; poses come in the order of their times."""
         self._poses.append(Timed(time_s, place))
@@ -95,8 +101,8 @@ def _between(a: Timed, b: Timed, time_s: float) -> Enu:
 @dataclass
 class Telemetry:
     """`armable` and `landed` are null until they were told; `remaining` is of a full battery. `leapt_m`: how far its
-    position leapt, faster than it flies; null where it has not since somebody looked. `missing`: what the estimate
-    still lacks, for people."""
+    position leapt in the air, faster than it flies; null where it has not since somebody looked. `missing`: what the
+    estimate still lacks, for people."""
 
     clock: Clock = time.monotonic
     poses: PoseHistory = field(default_factory=PoseHistory)
@@ -122,7 +128,7 @@ class Telemetry:
     def moved(self, place: Enu, speed_m_s: float) -> None:
         """Where it is; `place` has no heading of its own, which is told apart."""
         now, last = self.clock(), self.poses.last
-        if last is not None:
+        if last is not None and self.in_air:  # an estimate that settles while the vehicle stands leaps too
             gap_m = math.dist(place[:3], last.place[:3])
             if gap_m > LEAP_M + 2.0 * max(speed_m_s, self.speed_m_s) * (now - last.time_s):
                 self.leapt_m = gap_m

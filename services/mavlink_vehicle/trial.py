@@ -16,13 +16,13 @@ from contracts.geometry import Pose
 from contracts.sim import Claim, Episode, EpisodeQuestion, Verdict
 from episode_kit.begun import asked_for
 from episode_kit.lease import Lease
-from service_kit.client import CallError, Refused, ServiceClient
+from service_kit.client import CallError, Refused
 from service_kit.errors import Conflict, NotFound, ServiceError, TooMany, Unavailable
 from services.mavlink_vehicle.cameras.simulated import SimulatedCameras
 from services.mavlink_vehicle.course import FlightLimits
 from services.mavlink_vehicle.flight_ends import Interrupted
-from services.mavlink_vehicle.frames import Alignment
 from services.mavlink_vehicle.link import CommandRefused, LinkLost
+from services.mavlink_vehicle.simulator import Simulator
 from services.mavlink_vehicle.task import Body, Task
 from services.mavlink_vehicle.vehicle import Vehicle
 
@@ -30,8 +30,6 @@ log = logging.getLogger("mavlink_vehicle.trial")
 
 REPORT_EVERY_S = 0.1
 REPORT_GROUNDED_EVERY_S = 5.0
-SIM_LEASE_S = 60.0
-SIM_DEADLINE_S = 50.0
 ABOVE_GROUND_M = 0.02
 """So little does a vehicle on the ground not touch it."""
 LANDS_AGAIN_S = 2.0
@@ -60,7 +58,7 @@ class _Live:
 class Trials:
     """`simulator`: draws and judges."""
 
-    def __init__(self, vehicle: Vehicle, simulator: ServiceClient, terms: Terms) -> None:
+    def __init__(self, vehicle: Vehicle, simulator: Simulator, terms: Terms) -> None:
         self._vehicle = vehicle
         self._simulator = simulator
         self._terms = terms
@@ -80,8 +78,7 @@ class Trials:
 
     async def close(self) -> None:
         """The simulator's episode is freed; the vehicle does what its own failsafe says."""
-        if self._beginning is not None:
-            self._beginning[1].cancel()
+        await self._stop_beginning()
         if self._live is not None:
             await self._forget(self._live)
         if self._landing is not None:
@@ -90,7 +87,7 @@ class Trials:
 
     async def simulator_usable(self) -> str | None:
         """Null where the simulator is ready and takes our token."""
-        return await self._simulator.usable()
+        return await self._simulator.client.usable()
 
     async def begin(self, question: EpisodeQuestion) -> Episode:
         """The same key and question again is the same trial. Raises Conflict, TooMany, Unavailable, and what the
@@ -113,8 +110,12 @@ class Trials:
             raise TooMany("this vehicle begins another trial; one at a time", code="too_many_episodes")
         try:
             live = await asyncio.shield(beginning)
+        except asyncio.CancelledError:
+            if not beginning.cancelled():
+                raise  # the caller leaves, and the trial is begun all the same
+            raise NotFound("the trial was ended before it had begun", code="no_such_episode") from None
         finally:
-            if beginning.done():
+            if beginning.done() and self._beginning == (asked, beginning):
                 self._beginning = None
         return self.trial(live.episode.id)
 
@@ -128,8 +129,7 @@ class Trials:
 
     async def _free(self, is_meant: Callable[[EpisodeQuestion], bool]) -> None:
         if self._beginning is not None and is_meant(self._beginning[0]):
-            self._beginning[1].cancel()
-            self._beginning = None
+            await self._stop_beginning()
         if self._live is not None and is_meant(self._live.question):
             await self.end(self._live.episode.id)
 
@@ -165,8 +165,7 @@ class Trials:
             await self._stop_reporting(live)
             try:
                 await live.cameras.put(self._pose(), grounded=self._vehicle.grounded)
-                path = f"/v1/episodes/{episode_id}/claim"
-                live.claimed = await self._simulator.call("POST", path, Verdict, claim, timeout_s=SIM_DEADLINE_S)
+                live.claimed = await self._simulator.claim(episode_id, claim)
             except CallError as error:
                 self._report(live)
                 raise Unavailable(f"nobody judges: {error}", code="no_judge") from None
@@ -175,10 +174,23 @@ class Trials:
     async def end(self, episode_id: str) -> None:
         """The trial is over, and the vehicle lands. Raises NotFound."""
         live = self._find(episode_id)
-        self._live = None
-        self._vehicle.begin(self._idle)
-        self._landing = asyncio.create_task(self._landed())
+        self._over()
         await self._forget(live)
+
+    def _over(self) -> None:
+        """Nobody flies the trial any more."""
+        self._live = None
+        self._landing = asyncio.create_task(self._idle_again())
+
+    async def _idle_again(self) -> None:
+        await self._vehicle.begin(self._idle)
+        await self._landed()
+
+    async def _stop_beginning(self) -> None:
+        if self._beginning is not None:
+            beginning, self._beginning = self._beginning[1], None
+            beginning.cancel()
+            await asyncio.wait({beginning})
 
     async def _begun(self, question: EpisodeQuestion) -> _Live:
         if self._landing is not None:
@@ -193,29 +205,18 @@ class Trials:
             await drone.ready()
         except (CommandRefused, LinkLost, Interrupted) as error:
             raise Unavailable(str(error), code="not_ready") from None
-        place = drone.telemetry.place
-        if place is None:
-            raise Unavailable("the autopilot has not said where it is", code="no_pose")
-        asked = question.model_copy(update={"key": None, "owner": None, "lease_s": SIM_LEASE_S})
-        try:
-            episode = await self._simulator.call("POST", "/v1/episodes", Episode, asked, timeout_s=SIM_DEADLINE_S)
-        except Refused as error:
-            if error.status < 500:
-                raise ServiceError(error.reason, code=error.code, status=error.status, details=error.details) from None
-            raise Unavailable(f"no scene: {error}", code="no_scene") from None
-        except CallError as error:
-            raise Unavailable(f"no scene: {error}", code="no_scene") from None
+        episode = await self._simulator.begin(question)
         flight, start, terms = question.flight, question.scene.start, self._terms
         stands_m = flight.radius_m + ABOVE_GROUND_M
         foot = Pose(x=start.position.x, y=start.position.y, z=stands_m, yaw=start.yaw)
-        cameras = SimulatedCameras(self._simulator, episode.id, question.rig.cameras)
+        cameras = SimulatedCameras(self._simulator.client, episode.id, question.rig.cameras)
         limits = terms.limits._replace(
             speed_m_s=min(terms.limits.speed_m_s, flight.max_speed_m_s),
             acceleration_m_s2=min(terms.limits.acceleration_m_s2, flight.max_acceleration_m_s2),
             yaw_rate_rad_s=min(terms.limits.yaw_rate_rad_s, flight.max_yaw_rate_rad_s),
         )
         body = Body(flight.radius_m, stands_m, terms.reserve)
-        self._vehicle.begin(Task(episode.id, cameras, limits, body, Alignment.between(place, foot)))
+        await self._vehicle.begin(Task(episode.id, cameras, limits, body, foot))
         lease = Lease(question.owner, question.lease_s or terms.lease_s, time.monotonic)
         live = _Live(question, episode, lease, cameras)
         self._live = live
@@ -232,14 +233,12 @@ class Trials:
             with suppress(Unavailable):
                 try:
                     judged = await live.cameras.put(self._pose(), grounded=vehicle.grounded)
-                except Refused as error:
-                    if error.status == 404:
+                except CallError as error:
+                    if isinstance(error, Refused) and error.status == 404:
                         log.warning("the simulator has forgotten the scene: the trial %s is over", live.episode.id)
                         if self._live is live:
-                            self._live = None
-                            self._landing = asyncio.create_task(self._landed())
+                            self._over()
                         return
-                except CallError as error:
                     log.warning("the simulator does not judge: %s", error)
                 else:
                     if judged.hit is not None and vehicle.collided is None:
@@ -258,8 +257,7 @@ class Trials:
 
     async def _forget(self, live: _Live) -> None:
         await self._stop_reporting(live)
-        with suppress(CallError):
-            await self._simulator.delete(f"/v1/episodes/{live.episode.id}")
+        await self._simulator.end(live.episode.id)
 
     async def _landed(self, tries: int = 30) -> None:
         """Lands, unless somebody else flies it; tried again where the autopilot does not hear."""

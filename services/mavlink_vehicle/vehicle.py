@@ -6,6 +6,7 @@ Calls that fly begin an activity, which goes on when its caller hangs up; a seco
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
 
 from contracts.geometry import Pose
 from contracts.vehicle import (
@@ -52,9 +53,11 @@ class Vehicle:
         self._trouble: str | None = None
         self.collided: str | None = None
 
-    def begin(self, task: Task) -> None:
-        """Another mission: its moves count from 1."""
-        self.task = task
+    async def begin(self, task: Task) -> None:
+        """Another mission: what is flown yet is stopped, moves count from 1. On the ground its frame begins anew, for
+        an estimate wanders while a vehicle stands."""
+        await self._activity.stop()
+        self.task = task if self._telemetry.in_air else replace(task, alignment=None)
         self._moves, self._looks = Moves(), 0
         self._odometer.reset()
         self._trouble = self.collided = None
@@ -141,7 +144,8 @@ class Vehicle:
     async def move(self, number: int, move: Move) -> MoveResult:
         """Flies it, and answers when it is over. Raises Conflict, Unavailable."""
         async with self._begin:
-            known = self._moves.known(number, move)
+            moves = self._moves  # another mission may begin meanwhile
+            known = moves.known(number, move)
             if isinstance(known, MoveResult):
                 return known
             if known is None:
@@ -149,11 +153,11 @@ class Vehicle:
                 self._must_be_ours()
                 if not self._telemetry.in_air:
                     raise Conflict("the vehicle stands on the ground; POST .../take-off first", code="landed")
-                self._moves.begin(number, move)
-                self._activity.start("moving", self._moved(number, move))
+                moves.begin(number, move)
+                self._activity.start("moving", self._moved(moves, number, move))
             flight = self._activity.under_way
         await self._over(flight)
-        return self._moves.result(number)
+        return moves.result(number)
 
     def progress(self, number: int) -> MoveProgress:
         """Raises NotFound."""
@@ -161,12 +165,13 @@ class Vehicle:
 
     async def cancel(self, number: int) -> MoveResult:
         """Stops it on the way; one that is over stays what it is, the next number is used up. Raises NotFound."""
-        if number == self._moves.number + 1 and not self.busy:
-            self._moves.begin(number, None)
-            self._moves.end(self._result(number, Flown(), cancelled=True))
-        if self._moves.under_way and number == self._moves.number:
+        moves = self._moves
+        if number == moves.number + 1 and not self.busy:
+            moves.begin(number, None)
+            moves.end(self._result(number, Flown(), cancelled=True))
+        if moves.under_way and number == moves.number:
             await self._activity.stop()
-        return self._moves.result(number)
+        return moves.result(number)
 
     async def hold(self) -> VehicleState:
         """Stops on the way. Raises Conflict where somebody else flies it, Unavailable."""
@@ -193,14 +198,12 @@ class Vehicle:
         return await self._over(begun)
 
     async def _took_off(self, height_m: float) -> None:
+        start = await self.drone.armed()  # where it stands is told anew when it is armed
         if self.task.alignment is None:
-            place = self._telemetry.place
-            if place is None:
-                raise LinkLost("the autopilot has not said where it is")
-            self.task.alignment = Alignment.from_origin(place, self.task.body.stands_m)
-        await self.drone.take_off(height_m)
+            self.task.alignment = self.task.alignment_at(start)
+        await self.drone.take_off(start, height_m)
 
-    async def _moved(self, number: int, move: Move) -> None:
+    async def _moved(self, moves: Moves, number: int, move: Move) -> None:
         before, begun_s = self._odometer.reading(), self._telemetry.clock()
         hit: str | None = None
         reached = stopped = False
@@ -208,7 +211,7 @@ class Vehicle:
             if not self.drone.control.ours:
                 await self.drone.take_over(self._local())
             wanted = course(self._set_out(), move.path, move.yaw, self.task.limits)
-            await self.drone.fly(wanted, self._aligned, self._moves.flown)
+            await self.drone.fly(wanted, self._aligned, moves.flown)
             reached = True
         except Stopped:
             stopped = True
@@ -223,7 +226,7 @@ class Vehicle:
             self._odometer.note(self._telemetry)
             flown = self._odometer.reading().since(before)._replace(flight_s=self._telemetry.clock() - begun_s, hit=hit)
             self._activity.doing = None
-            self._moves.end(self._result(number, flown, cancelled=stopped, reached=reached))
+            moves.end(self._result(number, flown, cancelled=stopped, reached=reached))
 
     def _set_out(self) -> Pose:
         """Where a course begins: the set-point, so that it does not jump, or the vehicle where it was blown off."""
@@ -279,8 +282,7 @@ class Vehicle:
         if self.task.alignment is not None:
             return self.task.alignment
         home = self._telemetry.home if self._telemetry.in_air else None
-        place = home or self._local()
-        return Alignment.from_origin(place, self.task.body.stands_m)
+        return self.task.alignment_at(home or self._local())
 
     def _local(self) -> Enu:
         last = self._telemetry.poses.last

@@ -2,7 +2,9 @@
 
 Told by JSON lines on standard input, it answers each with one on standard output: `{"do": "faults", ...}` sets fields
 of `pilot.Faults`, `battery` (0..1) how much is left, `pilot` (a mode) what the pilot's hand chooses, `push` (NED, m/s)
-the wind, `jump` (NED, m) how far the estimate leaps, `silence` (s) how long the link is lost; `tell` tells how it is.
+the wind, `jump` (NED, m) how far the estimate leaps, `silence` (s) how long the link is lost, `refuses` (s) how long
+it does not arm, `set_anew` (NED, m) by how much its estimate's origin moves, `streams` (hz) how often somebody else
+wants its telemetry; `tell` tells how it is.
 """
 
 import argparse
@@ -55,6 +57,12 @@ def done(line: dict[str, Any], autopilot: Autopilot, link: Link) -> dict[str, An
         autopilot.body.push = line["m_s"]
     elif what == "jump":
         autopilot.body.position = [p + j for p, j in zip(autopilot.body.position, line["m"], strict=True)]
+    elif what == "refuses":
+        autopilot.faults.refuse_arming_until_s = autopilot.time_s + line["s"]
+    elif what == "set_anew":
+        autopilot.set_anew(line["m"])
+    elif what == "streams":
+        link.stream_at(line["hz"])
     elif what == "silence":
         autopilot.faults.silent_until_s = autopilot.time_s + line["s"]
     return told(autopilot, link)
@@ -67,11 +75,15 @@ def main() -> None:
     reader.add_argument("--ekf-s", type=float, default=0.5)
     reader.add_argument("--noise-m", type=float, default=0.02)
     reader.add_argument("--yaw", type=float, default=0.0, help="radians clockwise from north")
+    reader.add_argument("--system", type=int, default=1, help="its number on the link")
+    reader.add_argument("--company", action="store_true", help="others' heartbeats come at the same port")
+    reader.add_argument("--origin", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="where it stands, NED, metres")
     reader.add_argument("--seed", type=int, default=1)
     asked = reader.parse_args()
-    body = Body(noise_m=asked.noise_m, yaw=asked.yaw, chance=random.Random(asked.seed))
+    stands = list(asked.origin)
+    body = Body(stands, ground_m=stands[2], noise_m=asked.noise_m, yaw=asked.yaw, chance=random.Random(asked.seed))
     autopilot = Autopilot(asked.firmware, asked.ekf_s, body=body)
-    link = Link(autopilot, asked.port)
+    link = Link(autopilot, asked.port, asked.system, company=asked.company)
     os.set_blocking(sys.stdin.fileno(), False)
     parent, pending = os.getppid(), b""
     began = time.monotonic()

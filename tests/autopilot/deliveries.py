@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from contracts.orchestrator import DeliveryQuestion
 from contracts.vehicle import VehicleState
-from launcher.processes import Processes, free_ports
+from launcher.processes import CannotStart, Processes, free_ports
 from mission.clients import Services
 from orchestrator import sample_library
 from orchestrator.delivery import Order, Run
@@ -35,11 +35,13 @@ Told = tuple[str, dict[str, Any]]
 
 
 class Fault(NamedTuple):
-    """`told`: lines for the stand-in, given once the vehicle has flown `after_m` (0: before it takes off)."""
+    """`told`: lines for the stand-in, given once the vehicle has flown `after_m` (0: before it takes off). `more`:
+    options that it is started with."""
 
     name: str
     after_m: float
     told: tuple[Told, ...]
+    more: tuple[str, ...] = ()
 
 
 FAULTS: tuple[Fault, ...] = (
@@ -55,6 +57,14 @@ FAULTS: tuple[Fault, ...] = (
     Fault("estimate leaps by 5 m", 8.0, (("jump", {"m": [5.0, 0.0, 0.0]}),)),
     Fault("estimate creeps", 4.0, (("faults", {"creep_m_s": [0.1, 0.05, 0.0]}),)),
     Fault("wind of 1 m/s", 2.0, (("push", {"m_s": [0.7, 0.7, 0.0]}),)),
+    Fault("estimate is slow", 0.0, (), ("--ekf-s", "25")),
+    Fault("arms only after 15 s", 0.0, (("refuses", {"s": 15.0}),)),
+    Fault("estimate is set anew on the ground", 0.0, (("set_anew", {"m": [30.0, -20.0, 5.0]}),)),
+    Fault("rests a metre beside", 3.0, (("faults", {"off_m": [0.6, -0.6, 0.5]}),)),
+    Fault("one of many on the link", 0.0, (), ("--system", "7", "--company", "--origin", "40", "-25", "-3")),
+    Fault("battery that tells nothing", 0.0, (("faults", {"no_charge": True}),)),
+    Fault("slow streams", 4.0, (("streams", {"hz": 4.0}),)),
+    Fault("modes are refused", 6.0, (("faults", {"refuse": ["rtl", "land"]}),)),
 )
 
 
@@ -83,7 +93,8 @@ class Field:
     async def fly(self, sample: str, fault: Fault, number: int) -> Ended:
         """One delivery with an autopilot of its own."""
         ports = free_ports(("mavlink_vehicle",))
-        with StandIn(self._firmware, seed=number, yaw=0.3 * number) as autopilot:
+        with StandIn(self._firmware, seed=number, yaw=0.3 * number, more=fault.more) as autopilot:
+            autopilot.told()  # it is up
             extra = {"mavlink_vehicle": {"AUTOPILOT": autopilot.address, "SIM_URL": self._at.sim}}
             logs = self._folder / "logs"
             async with Processes(ports, logs, environment=process_environment(), extra=extra) as group:
@@ -135,7 +146,10 @@ async def flown(samples: Sequence[str], faults: Sequence[Fault], firmware: str, 
     async with Processes(ports, folder / "logs", environment=process_environment()) as group:
         field = Field(folder, firmware, group.addresses)
         for number, (sample, fault) in enumerate(zip(samples, faults, strict=True), 1):
-            one = await field.fly(sample, fault, number)
+            try:
+                one = await field.fly(sample, fault, number)
+            except CannotStart as error:
+                one = Ended(sample, fault.name, "failed", str(error), 0, 0.0, False, "not begun", False)
             sys.stdout.write(json.dumps(one._asdict(), ensure_ascii=False) + "\n")
             sys.stdout.flush()
             ended.append(one)

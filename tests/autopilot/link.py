@@ -25,6 +25,13 @@ ALWAYS_HZ = {
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 2.0,
 }
 """PX4 sends these unasked; ArduPilot sends what it was asked for."""
+COMPANY = (
+    (0, mavlink.MAV_COMP_ID_GIMBAL, mavlink.MAV_TYPE_GIMBAL, 0),
+    (0, mavlink.MAV_COMP_ID_CAMERA, mavlink.MAV_TYPE_CAMERA, 0),
+    (0, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER, mavlink.MAV_TYPE_ONBOARD_CONTROLLER, 0),
+    (255, mavlink.MAV_COMP_ID_MISSIONPLANNER, mavlink.MAV_TYPE_GCS, 192),
+)
+"""Whose heartbeats come beside the autopilot's: system (0: the drone's own), component, type, base mode."""
 HEALTHY = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -32,16 +39,24 @@ HEALTHY = (
 )
 
 
+def _company(system: int) -> list[tuple[int, int]]:
+    return [(number or system, component) for number, component, _, _ in COMPANY]
+
+
 class Link:
     """Speaks to whoever listens at `port` of the loopback. `set_points` are the times at which set-points came."""
 
-    def __init__(self, autopilot: Autopilot, port: int) -> None:
+    def __init__(self, autopilot: Autopilot, port: int, system: int = 1, *, company: bool = False) -> None:
+        """`system`: its number. `company`: a gimbal, a camera and a computer of the same drone, and a ground station,
+        are heard at the same port."""
         self._autopilot = autopilot
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.setblocking(False)
         self._to = ("127.0.0.1", port)
-        self._mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=1)
+        self._system = system
+        self._company = [mavlink.MAVLink(None, *who) for who in _company(system)] if company else []
         self._mav.robust_parsing = True
         self._every_s: dict[int, float] = {}
         if autopilot.firmware == "px4":
@@ -88,7 +103,15 @@ class Link:
         except ConnectionRefusedError:
             return  # nobody listens yet, or any more
 
+    def stream_at(self, hz: float) -> None:
+        """Somebody else on the link asks for all streams at that rate, as MAVProxy does every 15 s."""
+        self._every_s = dict.fromkeys(ALWAYS_HZ, 1.0 / hz)
+
     def _heartbeat(self) -> None:
+        for number, mav in enumerate(self._company):
+            kind, base = COMPANY[number][2:]
+            beat = mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, base, 0, 4, 3)
+            self._socket.sendto(beat.pack(mav), self._to)
         autopilot = self._autopilot
         base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if autopilot.armed else 0
@@ -101,7 +124,7 @@ class Link:
         kind = message.get_type()
         if kind == "COMMAND_LONG":
             self._command(message)
-        elif kind == "SET_POSITION_TARGET_LOCAL_NED" and message.target_system in (0, 1):
+        elif kind == "SET_POSITION_TARGET_LOCAL_NED" and message.target_system in (0, self._system):
             self.set_points.append(time.monotonic())
             yaw = None if message.type_mask & mavlink.POSITION_TARGET_TYPEMASK_YAW_IGNORE else message.yaw
             self._autopilot.set_point([message.x, message.y, message.z], yaw)
@@ -169,6 +192,10 @@ class Link:
         return True
 
     @property
+    def _left(self) -> int:
+        return -1 if self._autopilot.faults.no_charge else round(100 * self._autopilot.battery)
+
+    @property
     def _ms(self) -> int:
         return int(1000 * (time.monotonic() - self._began))
 
@@ -202,8 +229,8 @@ class Link:
         well = HEALTHY
         if autopilot.healthy:
             well |= mavlink.MAV_SYS_STATUS_SENSOR_GPS
-            well |= 0 if autopilot.faults.refuse_arming else mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        left = round(100 * autopilot.battery)
+            well |= mavlink.MAV_SYS_STATUS_PREARM_CHECK if autopilot.armable else 0
+        left = self._left
         return mavlink.MAVLink_sys_status_message(there, there, well, 200, 15_800, 1200, left, 0, 0, 0, 0, 0, 0)
 
     def _gps(self) -> Message:
@@ -252,6 +279,6 @@ class Link:
         return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
 
     def _battery_status(self) -> Message:
-        left = round(100 * self._autopilot.battery)
+        left = self._left
         cells = [3950] * 4 + [65_535] * 6
         return mavlink.MAVLink_battery_status_message(0, 1, 1, 32_767, cells, 1200, -1, -1, left)

@@ -19,12 +19,17 @@ BLIND_S = 1.0
 
 @dataclass
 class Faults:
-    """What is asked for. `no_gps`: the estimate is not good enough to fly by. `refuse`: modes that are refused."""
+    """What is asked for. `no_gps`: the estimate is not good enough to fly by. `refuse`: modes that are refused.
+    `off_m`: so far beside a set-point it comes to rest, NED. `refuse_arming_until_s`: a self-test that takes its time.
+    `no_charge`: it does not know how full its battery is."""
 
     no_gps: bool = False
     refuse_arming: bool = False
     refuse: tuple[str, ...] = ()
+    refuse_arming_until_s: float = 0.0
     silent_until_s: float = 0.0
+    off_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    no_charge: bool = False
     creep_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
@@ -57,6 +62,11 @@ class Autopilot:
         return self.time_s >= self.ekf_s and not self.faults.no_gps
 
     @property
+    def armable(self) -> bool:
+        asks = self.faults.refuse_arming or self.time_s < self.faults.refuse_arming_until_s
+        return self.healthy and not asks
+
+    @property
     def in_air(self) -> bool:
         return self.body.height_m > 0.05
 
@@ -65,7 +75,7 @@ class Autopilot:
         self.said.append((severity, text))
 
     def arm(self) -> bool:
-        if self.faults.refuse_arming or not self.healthy:
+        if not self.armable:
             self.say(3, "Arming denied: resolve health failures first")
             return False
         if not self.armed:
@@ -122,7 +132,14 @@ class Autopilot:
             self.say(6, "Guided: set-point on the ground ends the take-off")
             self._stay()
             return
-        self._target, self._yaw = list(place), yaw
+        self._target, self._yaw = [p + o for p, o in zip(place, self.faults.off_m, strict=True)], yaw
+
+    def set_anew(self, shift_m: Vector) -> None:
+        """The estimate's origin is set anew, as filters do once they hear of satellites; nothing moves."""
+        body = self.body
+        body.position = [p + s for p, s in zip(body.position, shift_m, strict=True)]
+        body.ground_m += shift_m[2]
+        self._home = [h + s for h, s in zip(self._home, shift_m, strict=True)]
 
     def step(self) -> None:
         """DT_S of flight."""

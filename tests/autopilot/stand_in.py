@@ -4,6 +4,7 @@ import json
 import socket
 import subprocess
 import sys
+from collections.abc import Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -11,13 +12,17 @@ from typing import Any, Self
 class StandIn:
     """Use as a context manager. `told` says one line to it and returns how it is after that."""
 
-    def __init__(self, firmware: str = "px4", *, ekf_s: float = 0.2, yaw: float = 0.0, seed: int = 1) -> None:
+    def __init__(
+        self, firmware: str = "px4", *, ekf_s: float = 0.2, yaw: float = 0.0, seed: int = 1, more: Sequence[str] = ()
+    ) -> None:
+        """`more`: options of `python -m tests.autopilot`."""
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             probe.bind(("127.0.0.1", 0))
             self.port = int(probe.getsockname()[1])
         arguments = ["--port", str(self.port), "--firmware", firmware, "--ekf-s", str(ekf_s), "--seed", str(seed)]
+        arguments += ["--yaw", str(yaw), *more]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.autopilot", *arguments, "--yaw", str(yaw)],
+            [sys.executable, "-m", "tests.autopilot", *arguments],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )

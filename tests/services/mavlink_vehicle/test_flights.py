@@ -114,7 +114,7 @@ async def test_what_an_autopilot_refuses_is_told_in_its_own_words(
     stand_in: Start, behind: Behind, client: Client
 ) -> None:
     autopilot = stand_in("px4")
-    vehicle = await standing(client(behind(autopilot)))
+    vehicle = await standing(client(behind(autopilot, vehicle_arms_within_s=0.0)))
     autopilot.told("faults", refuse_arming=True)
     with pytest.raises(ServiceUnreachable, match=r"refuses to arm.*resolve health failures first"):
         await vehicle.take_off(2.0)

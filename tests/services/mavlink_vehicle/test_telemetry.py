@@ -1,11 +1,15 @@
 """Poses of the last seconds: asked for a moment between two of them; and who flies, by the modes that are told."""
 
 import math
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
 
 from services.mavlink_vehicle.control import Control
 from services.mavlink_vehicle.frames import Enu
+from services.mavlink_vehicle.listener import Listener
 from services.mavlink_vehicle.telemetry import NoPose, PoseHistory, Telemetry
 
 
@@ -115,7 +119,7 @@ def test_whoever_has_it_keeps_it_until_the_mission_is_over(clock: Clock) -> None
 
 
 def test_a_position_that_moves_faster_than_the_drone_has_leapt(clock: Clock) -> None:
-    telemetry = Telemetry(clock, yaw=0.0)
+    telemetry = Telemetry(clock, yaw=0.0, armed=True, landed=False)
     for east_m in (0.0, 0.3, 0.6):
         clock.now += 0.1
         telemetry.moved(Enu(east_m, 0.0, 2.0, 0.0), 3.0)
@@ -123,3 +127,26 @@ def test_a_position_that_moves_faster_than_the_drone_has_leapt(clock: Clock) -> 
     clock.now += 0.1
     telemetry.moved(Enu(5.0, 0.0, 2.0, 0.0), 3.0)
     assert telemetry.leapt_m == pytest.approx(4.4)
+
+
+def test_how_often_poses_come_is_told_by_the_last_seconds() -> None:
+    assert history().rate_hz == 0.0
+    assert history(*((10.0 + 0.25 * i, 0.0, 0.0) for i in range(9))).rate_hz == pytest.approx(4.0)
+
+
+def test_of_several_batteries_the_emptiest_counts_and_one_that_tells_nothing_does_not() -> None:
+    listener = Listener(cast(TelemetryAsync, None), Telemetry())
+    for number, percent, volts in ((0, 80.0, 15.9), (1, -1.0, 12.0), (2, 30.0, 15.1), (1, math.nan, 12.0)):
+        listener._drained(SimpleNamespace(id=number, remaining_percent=percent, voltage_v=volts))
+    assert (listener.telemetry.remaining, listener.telemetry.voltage_v) == (0.3, 15.1)
+    alone = Listener(cast(TelemetryAsync, None), Telemetry())
+    alone._drained(SimpleNamespace(id=0, remaining_percent=-1.0, voltage_v=15.2))
+    assert (alone.telemetry.remaining, alone.telemetry.voltage_v) == (None, 15.2)
+
+
+def test_an_estimate_that_is_set_anew_while_the_drone_stands_has_not_leapt(clock: Clock) -> None:
+    telemetry = Telemetry(clock, yaw=0.0, landed=True)
+    for east_m in (0.0, 40.0):
+        clock.now += 0.1
+        telemetry.moved(Enu(east_m, 0.0, 2.0, 0.0), 0.0)
+    assert telemetry.leapt_m is None
