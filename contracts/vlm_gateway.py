@@ -76,7 +76,9 @@ class Tokens(Wire):
 
 
 class Answer(Wire):
-    """What every answer carries beside its content. `text` is the model's own words, where it has any."""
+    """What every answer carries beside its content. `text` is the model's own words, where it has any. `usd`: what this
+    call cost, US dollars, by the prices of the gateway's configuration; null where it has none for the model, where
+    the model's server counts no tokens, and for an answer from the cache."""
 
     outcome: Outcome
     role: Role
@@ -86,6 +88,7 @@ class Answer(Wire):
     latency_s: float = Field(default=0.0, ge=0.0)
     attempts: int = Field(default=1, ge=0)
     tokens: Tokens = Tokens()
+    usd: float | None = Field(default=None, ge=0.0)
     text: str | None = Field(default=None, max_length=20_000)
 
 

@@ -82,6 +82,8 @@ class Gateway:
         changes: dict[str, object] = {"cache": result, "latency_s": round(took_s, 6)}
         if result == "hit":
             changes["attempts"] = 0
+        else:
+            changes["usd"] = self.accounts.usd(alias, Spent(answer.tokens.prompt, answer.tokens.completion))
         return answer.model_copy(update=changes)
 
     async def preflight(self, question: PreflightQuestion) -> PreflightAnswer:

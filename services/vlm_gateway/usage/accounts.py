@@ -103,6 +103,11 @@ class Accounts:
         price = self._prices.get(model)
         return 0 if price is None else price.nano_usd(tokens)
 
+    def usd(self, model: str, tokens: Spent) -> float | None:
+        """What a call cost; null where the model has no price or nobody counted its tokens."""
+        priced = model in self._prices and tokens.prompt > 0
+        return self.nano_usd(model, tokens) / NANO if priced else None
+
     async def reserve(self, key: Key, model: str, estimate: Spent) -> Bill:
         """Raises OverBudget."""
         bill = self.bill(key, model, estimate)

@@ -18,6 +18,7 @@ from services.vlm_gateway.backends.base import Backend
 from services.vlm_gateway.backends.embedded import EmbeddedBackend
 from services.vlm_gateway.backends.scripted import Script, ScriptedBackend
 from services.vlm_gateway.embedded.model import EmbeddedModel
+from services.vlm_gateway.usage.accounts import Price
 from tests.cameras import camera_json
 from tests.conftest import Serve
 from tests.services.vlm_gateway.kit import (
@@ -126,6 +127,15 @@ def test_the_second_time_the_answer_is_known(serve: Serve, mock: OpenAiMock, tmp
     assert len(mock.asked) == 1
     other = post(url, "/v1/floor-count", floors_body(shade=7))
     assert (other.json()["cache"], other.json()["floors"]) == ("miss", 9)
+
+
+def test_an_answer_tells_what_it_cost_where_that_is_known(serve: Serve, mock: OpenAiMock, tmp_path: Path) -> None:
+    mock.will(says('{"floors": 3}'), says('{"floors": 3}'))
+    models = {"dear": chat_backend(mock), "unpriced": chat_backend(mock, model="other")}
+    url = serve(build(models, cache=sqlite_cache(tmp_path), prices={"dear": Price(prompt=2.0, completion=10.0)}).app)
+    asked = [post(url, "/v1/floor-count", floors_body(model=m)).json() for m in ("dear", "dear", "unpriced")]
+    assert [answer["cache"] for answer in asked] == ["miss", "hit", "miss"]
+    assert [answer["usd"] for answer in asked] == [0.00027, None, None]
 
 
 def test_what_an_answer_depends_on_is_in_the_key_and_what_it_does_not_is_not(
