@@ -152,10 +152,12 @@ def picture_name(camera: Camera) -> str:
 
 
 class LookedView(Wire):
-    """One camera's view in a look; `picture`: the short name of its picture among the event's."""
+    """One camera's view in a look; `picture`: the short name of its picture among the event's, `depth`: that of its
+    depth drawn for people (`mission.depth_pictures`), null where the camera has none."""
 
     camera: Camera
     picture: str
+    depth: str | None = None
 
 
 def _default_views() -> tuple[LookedView, ...]:

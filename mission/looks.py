@@ -15,6 +15,7 @@ from contracts.event_data import picture_name
 from contracts.geometry import Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, decode_jpeg, depth_in_metres, jpeg_bytes
 from contracts.vehicle import Observation, SensedView
+from mission.depth_pictures import depth_picture
 from mission.ports import ServiceRefused
 from navigation.camera import Camera, DepthView, fewest
 from navigation.sensing import read_views
@@ -72,6 +73,10 @@ class Sight:
             raise ServiceRefused("the vehicle sent a view without depth", code="garbled", status=502)
         return self.view.depth
 
+    def depth_picture(self) -> bytes:
+        """The depth as a JPEG for people."""
+        return depth_picture(self._units, self._depth.metres_per_unit)
+
     @property
     def depth_view(self) -> ViewDepth:
         """The depth as it came, to be sent on."""
@@ -85,6 +90,11 @@ class Sight:
     def name(self) -> str:
         """Of its picture in the record."""
         return picture_name(self.view.camera)
+
+    @property
+    def depth_name(self) -> str | None:
+        """Of the picture of its depth in the record; null for a camera without depth."""
+        return None if self.view.depth is None else f"{self.name}_depth"
 
 
 @dataclass(frozen=True)
@@ -122,7 +132,9 @@ class Look:
     @property
     def pictures(self) -> dict[str, bytes]:
         """The JPEG files, by a short name, as the record keeps them."""
-        return {sight.name: sight.jpeg for sight in self.sights.values()}
+        seen = {sight.name: sight.jpeg for sight in self.all}
+        depth = {sight.depth_name: sight.depth_picture() for sight in self.all if sight.depth_name is not None}
+        return seen | depth
 
 
 def look_of(observation: Observation, wanted: Sequence[str], shown_m: float = 0.0) -> Look:

@@ -73,7 +73,9 @@ async def search(
             pose=look.pose,
             object=step.state.object,
             answer=reply.answer,
-            views=tuple(LookedView(camera=sight.view.camera, picture=sight.name) for sight in look.all),
+            views=tuple(
+                LookedView(camera=sight.view.camera, picture=sight.name, depth=sight.depth_name) for sight in look.all
+            ),
             sightings=tuple(_recorded(s, s is best) for s in sightings),
             returns=tuple(facade_returns(look.across)),
             render_s=look.observation.timings_s.get("render", 0.0),

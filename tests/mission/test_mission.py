@@ -145,6 +145,7 @@ async def test_one_observation_of_five_views_serves_each_exploration_step() -> N
     await fly(world, vision=vision, log=log)
     looks = log.of("look")
     assert all({"view", "view-90", "view-45", "view+45", "view+90"} <= set(e.pictures) for e in looks)
+    assert all(view.depth in e.pictures for e in looks for view in e.data.views), "depth is kept beside its picture"
     assert vision.asked.count("find_object") == len(looks)
 
 
