@@ -49,23 +49,28 @@ class DroneSeen(Wire):
 
 
 class FlightSeen(Wire):
-    """A delivery in the air. `drone`: null where its vehicle does not tell, with the reason in `problem`. `street`: the
-    key of the street that it flies in (`StreetPlan.key`), null where none is known."""
+    """A delivery in the air, with what was asked for. `drone`: null where its vehicle does not tell, with the reason in
+    `problem`. `street`: the key of the street that it flies in (`StreetPlan.key`), null where none is known. `stop`:
+    where a record that is being written has the drone last; null where vehicles are asked themselves, and before
+    take-off."""
 
     delivery: Name
+    request: str
     drone: DroneSeen | None
     problem: str | None
     street: Name | None
+    stop: Pose | None = None
 
 
 class Overview(Wire):
     """The system at `time`. `counts`: of all deliveries by status. `deliveries`: the newest of those asked for, `next`
-    as in DeliveryList."""
+    as in DeliveryList. `asking`: the newest of all deliveries that wait for an answer, whatever was asked for."""
 
     time: AwareDatetime
     counts: dict[DeliveryStatus, int]
     deliveries: tuple[DeliveryLine, ...]
     next: Name | None
+    asking: tuple[DeliveryLine, ...]
     flights: tuple[FlightSeen, ...]
     vehicles: tuple[FleetVehicle, ...]
 
@@ -120,8 +125,8 @@ class CustomersDrone(Wire):
 
 
 class Tracking(Wire):
-    """What the customer of a delivery is shown. `question`: what they are asked; `picture`: there is one of the
-    stop."""
+    """What the customer of a delivery is shown. `question`: what they are asked; `drone`: null where none flies, or
+    where it does not tell where it is (`silent`); `picture`: there is one of the stop."""
 
     time: AwareDatetime
     request: str
@@ -132,6 +137,7 @@ class Tracking(Wire):
     ended: AwareDatetime | None
     question: OpenQuestion | None
     drone: CustomersDrone | None
+    silent: bool
     outlook: Outlook
     outcome: OutcomeName | None
     picture: bool

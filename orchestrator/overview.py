@@ -27,6 +27,7 @@ from orchestrator.telemetry import Silent, Telemetry
 from service_kit.errors import NotFound, Unavailable
 
 STOPPED = ("delivered", "stopped_not_judged", "wrong_window", "not_in_front")
+ASKING_SHOWN = 20
 ENOUGH = 3
 """From so many earlier flights on it is told how long one takes."""
 
@@ -55,12 +56,17 @@ class Overlook:
         )
         shown = tuple(_line(stored) for stored in found[: chosen.limit])
         flying = [name for vehicle in vehicles for name in vehicle.deliveries]
+        requests = await asyncio.to_thread(self._lines.requests, flying)
+        asking = await self._asking() if counts["needs_answer"] else ()
         return Overview(
             time=datetime.now(UTC),
             counts=counts,
             deliveries=shown,
             next=shown[-1].id if len(found) > chosen.limit else None,
-            flights=tuple(await asyncio.gather(*(self._flight(name) for name in flying))),
+            asking=asking,
+            flights=tuple(
+                await asyncio.gather(*(self._flight(name, requests[name]) for name in flying if name in requests))
+            ),
             vehicles=vehicles,
         )
 
@@ -87,9 +93,9 @@ class Overlook:
         """For its customer. Raises NotFound."""
         delivery = await self._deliveries.get(name)
         try:
-            seen = await self.telemetry.of(name)
+            seen, silent = await self.telemetry.of(name), False
         except Silent:
-            seen = None
+            seen, silent = None, True
         waits = delivery.status == "waiting"
         ahead = await asyncio.to_thread(self._lines.ahead_of, name) if waits else None
         times = await asyncio.to_thread(self._lines.flight_times)
@@ -103,6 +109,7 @@ class Overlook:
             ended=None if delivery.ended is None else datetime.fromisoformat(delivery.ended),
             question=delivery.question,
             drone=None if seen is None else _for_customer(seen),
+            silent=silent,
             outlook=Outlook(ahead=ahead, flight=_span(times), deliveries=len(times)),
             outcome=None if delivery.result is None else delivery.result.outcome,
             picture=await self._picture_of_stop(delivery) is not None,
@@ -123,13 +130,18 @@ class Overlook:
             self._pictures[delivery.id] = await asyncio.to_thread(self._lines.last_picture, delivery.id)
         return self._pictures[delivery.id]
 
-    async def _flight(self, name: str) -> FlightSeen:
+    async def _asking(self) -> tuple[DeliveryLine, ...]:
+        found = await asyncio.to_thread(self._lines.lines, Chosen(ASKING_SHOWN, "needs_answer"))
+        return tuple(_line(stored) for stored in found)
+
+    async def _flight(self, name: str, request: str) -> FlightSeen:
         street = await self._streets.of(name)
         key = None if street is None else street.key
         try:
-            return FlightSeen(delivery=name, drone=await self.telemetry.of(name), problem=None, street=key)
+            seen = await self.telemetry.of(name)
+            return FlightSeen(delivery=name, request=request, drone=seen, problem=None, street=key)
         except Silent as error:
-            return FlightSeen(delivery=name, drone=None, problem=str(error), street=key)
+            return FlightSeen(delivery=name, request=request, drone=None, problem=str(error), street=key)
 
 
 def _line(stored: StoredLine) -> DeliveryLine:

@@ -1,15 +1,16 @@
 """Records in a folder as deliveries to look at: a run of `bench`, or those of `logisticsvln deliver`."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pydantic import ValidationError
 
-from contracts.events import Event, ResultEvent
+from contracts.events import Event, MoveEvent, PlacedEvent, ResultEvent, TurnEvent
+from contracts.geometry import Pose
 from contracts.orchestrator import Delivery, DeliveryResult, DeliveryStatus
-from contracts.overview import DeliveryLine, Overview, StreetPlan
+from contracts.overview import DeliveryLine, FlightSeen, Overview, StreetPlan
 from mission.record import (
     PICTURE_NAME,
     BadRecord,
@@ -33,9 +34,10 @@ class Replays:
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "episodes" if (folder / "episodes").is_dir() else folder
         self._done: dict[str, Delivery] = {}
+        self._streets: dict[str, StreetPlan | None] = {}
 
     async def overview(self, chosen: Chosen) -> Overview:
-        """As the orchestrator's, without vehicles: a record does not tell where its drone is."""
+        """As the orchestrator's, without vehicles: a record tells only where its drone stopped last."""
         everything = await asyncio.to_thread(self._all)
         counts: dict[DeliveryStatus, int] = {"waiting": 0, "flying": 0, "needs_answer": 0, "done": 0}
         for delivery in everything:
@@ -49,7 +51,8 @@ class Replays:
             counts=counts,
             deliveries=tuple(_line(delivery) for delivery in shown),
             next=shown[-1].id if len(fit) > begin + chosen.limit else None,
-            flights=(),
+            asking=(),
+            flights=await asyncio.to_thread(self._flights, everything),
             vehicles=(),
         )
 
@@ -77,13 +80,10 @@ class Replays:
     async def street(self, name: str) -> StreetPlan:
         """Raises NotFound."""
         await self.get(name)
-        try:
-            scene = (await asyncio.to_thread(read_question, self._folder / name)).scene
-        except (OSError, BadRecord):
-            scene = None
-        if scene is None:
+        street = await asyncio.to_thread(self._street, name)
+        if street is None:
             raise NotFound(f"the record {name} does not tell its street")
-        return street_of(scene)
+        return street
 
     async def file(self, name: str, file: str) -> Path:
         """A file of a record that may be shown. Raises NotFound."""
@@ -93,6 +93,29 @@ class Replays:
         if not (file in FILES or PICTURE_NAME.fullmatch(file)) or not await asyncio.to_thread(path.is_file):
             raise NotFound(f"the record of {name} has no {file[:80]} (yet)")
         return path
+
+    def _street(self, name: str) -> StreetPlan | None:
+        if name not in self._streets:
+            try:
+                scene = read_question(self._folder / name).scene
+            except (OSError, BadRecord):
+                scene = None
+            self._streets[name] = None if scene is None else street_of(scene)
+        return self._streets[name]
+
+    def _flights(self, everything: Sequence[Delivery]) -> tuple[FlightSeen, ...]:
+        return tuple(self._flight(delivery) for delivery in everything if delivery.status == "flying")
+
+    def _flight(self, delivery: Delivery) -> FlightSeen:
+        street = self._street(delivery.id)
+        return FlightSeen(
+            delivery=delivery.id,
+            request=delivery.request,
+            drone=None,
+            problem=None,
+            street=None if street is None else street.key,
+            stop=_last_stop(read_events(self._folder / delivery.id)),
+        )
 
     def _all(self) -> list[Delivery]:
         """The newest first."""
@@ -121,6 +144,16 @@ class Replays:
         done = {"id": name, "status": "done", "phase": "done", "result": result}
         self._done[name] = delivery.model_copy(update=done)
         return self._done[name]
+
+
+def _last_stop(events: Sequence[Event]) -> Pose | None:
+    """Where the last flight ended; null before take-off."""
+    for event in reversed(events):
+        if isinstance(event, MoveEvent | TurnEvent):
+            return event.data.to
+        if isinstance(event, PlacedEvent):
+            return event.data.pose
+    return None
 
 
 def _fits(delivery: Delivery, chosen: Chosen) -> bool:

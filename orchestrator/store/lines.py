@@ -2,6 +2,7 @@
 
 import json
 import time
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -89,6 +90,12 @@ class LineStore:
         with self._engine.connect() as connection:
             found.update({row[0]: int(row[1]) for row in connection.execute(by_status)})
         return found
+
+    def requests(self, names: Collection[str]) -> dict[str, str]:
+        """The customer's words of those deliveries."""
+        query = sa.select(deliveries.c.id, deliveries.c.request).where(deliveries.c.id.in_(names))
+        with self._engine.connect() as connection:
+            return {row[0]: row[1] for row in connection.execute(query)}
 
     def ahead_of(self, name: str) -> int:
         """How many waiting deliveries are flown before this one."""

@@ -10,8 +10,8 @@ export function makeCalls(seek) {
     el(
       "tr",
       {},
-      ...["When", "Role", "Asked", "Answered", "Took", "Tokens"].map((name, i) =>
-        el("th", { scope: "col", class: i > 3 ? "figure" : null }, name),
+      ...["When", "Role", "Asked", "Answered", "Took", "Tokens", "Cost"].map((name, i) =>
+        el("th", { scope: "col", class: i > 3 ? `figure ${name.toLowerCase()}` : null }, name),
       ),
     ),
   );
@@ -42,23 +42,35 @@ export function makeCalls(seek) {
       el("td", { title: call.words }, call.answered),
       el("td", { class: "figure" }, call.cached ? "cached" : `${number(call.seconds, 2)} s`),
       el("td", { class: "figure" }, call.tokens ? String(call.tokens) : "–"),
+      el("td", { class: "figure cost" }, call.usd === null ? "–" : dollars(call.usd)),
     );
   }
   return {
     node,
     draw({ replay, index }) {
       const calls = replay.calls(index);
-      keyed(
-        body,
-        calls,
-        (call) => call.event.number,
-        row,
-        () => {},
-      );
-      const seconds = calls.reduce((all, call) => all + (call.cached ? 0 : call.seconds), 0);
-      const tokens = calls.reduce((all, call) => all + call.tokens, 0);
-      const cost = tokens ? `, ${tokens} tokens` : calls.length ? ", no tokens: models of this machine" : "";
-      say(sum, calls.length ? `${calls.length} asked, ${number(seconds)} s${cost}` : "none yet");
+      keyed(body, calls, (call) => call.event.number, row);
+      node.classList.toggle("priced", calls.some((call) => call.usd !== null));
+      say(sum, calls.length ? sumOf(calls) : "none yet");
     },
   };
 }
+
+/** How many were asked, how long they took, and what is known of tokens and cost: nothing is said of what is not. */
+function sumOf(calls) {
+  const seconds = calls.reduce((all, call) => all + (call.cached ? 0 : call.seconds), 0);
+  const tokens = calls.reduce((all, call) => all + call.tokens, 0);
+  const cost = costWords(calls);
+  return `${calls.length} asked, ${number(seconds)} s${tokens ? `, ${tokens} tokens` : ""}${cost ? `, ${cost}` : ""}`;
+}
+
+/** What the calls cost that a price is known of; null where it is of none. */
+export function costWords(calls) {
+  const priced = calls.filter((call) => call.usd !== null);
+  if (!priced.length) return null;
+  const paid = calls.filter((call) => !call.cached).length;
+  const whole = dollars(priced.reduce((all, call) => all + call.usd, 0));
+  return priced.length === paid ? whole : `${whole} for ${priced.length} of ${paid} with a price`;
+}
+
+const dollars = (usd) => `$ ${usd < 1 ? usd.toFixed(5) : usd.toFixed(2)}`;

@@ -1,4 +1,5 @@
 /** Two deliveries side by side: both ways in one plan, both fronts at the same share of their time, figures beside. */
+import { costWords } from "./calls.js";
 import { el, keyed, moment, number, onFrame, say, show } from "./dom.js";
 import { makePlan } from "./plan.js";
 import { Replay } from "./replay.js";
@@ -107,6 +108,8 @@ function figures({ delivery, replay }) {
     ["questions to models", String(calls.length)],
     ["models", [...new Set(calls.map((c) => c.model))].join(", ")],
   );
+  const cost = costWords(calls);
+  if (cost) rows.push(["cost", cost]);
   return rows;
 }
 

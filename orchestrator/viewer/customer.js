@@ -1,7 +1,7 @@
 /** A customer's page: their delivery, in their words, and nothing else of the system. */
 import { clockTime, duration, el, number, say, show, svg } from "./dom.js";
 import { LiveDrone } from "./live.js";
-import { background, streetFrame } from "./plan.js";
+import { background, droneSign, streetFrame } from "./plan.js";
 import { makeQuestion } from "./question.js";
 import { connection, get, poll } from "./server.js";
 import { makePicture } from "./views.js";
@@ -43,7 +43,7 @@ document.getElementById("question").append(question.node);
 const items = STAGES.map((name) => el("li", {}, name));
 stages.append(...items);
 const drone = new LiveDrone(),
-  sign = svg("path", { class: "drone live", d: "M13 0L-8 8L-4 0L-8-8Z" }),
+  sign = droneSign(),
   ground = svg("g");
 const picture = svg(
   "svg",
@@ -54,8 +54,15 @@ const picture = svg(
 const place = el("p", { class: "where" });
 map.append(picture, place);
 const window_ = makePicture("The picture that the drone took where it stopped");
-stop.append(el("h2", {}, "What the drone sees"), el("div", { class: "frame square" }, ...window_.nodes));
+const caption = "A frame marks what it took for what you described: how sure it was (1 is certain), and how far away.";
+stop.append(
+  el("h2", {}, "The drone's last picture of the window"),
+  el("div", { class: "frame square" }, ...window_.nodes),
+  el("p", { class: "soft" }, caption),
+);
 let tracking = null,
+  shut = null,
+  busy = false,
   street = null,
   frame = null;
 
@@ -66,7 +73,7 @@ function stageOf({ status, phase, outcome, started }) {
 }
 
 function nowOf({ status, phase, outcome, ended }) {
-  if (outcome) return `${ENDS[outcome] ?? OTHER_END}${ended ? ` It was over at ${clockTime(ended)}.` : ""}`;
+  if (outcome) return `${ENDS[outcome] ?? OTHER_END}${ended ? ` The delivery ended at ${clockTime(ended)}.` : ""}`;
   if (status === "needs_answer") return "Something is not clear yet: please answer the question.";
   if (status === "flying") return PHASES[phase] ?? "The drone is on its way.";
   return phase === "parse" ? "Your words are being read." : "A drone will be free soon.";
@@ -85,15 +92,11 @@ function outlookOf({ status, outcome, outlook: told, started, time }) {
 }
 
 function draw() {
-  const away = connection.state !== "live";
-  show(trouble, away || drone.stale);
-  say(
-    trouble,
-    away
-      ? `The connection is interrupted; this is as it was at ${tracking ? clockTime(tracking.time) : "no time yet"}.`
-      : "The drone was not heard for some seconds; its place is not live.",
-  );
-  if (!tracking) return;
+  const said = troubleOf();
+  say(trouble, said);
+  show(trouble, said !== "");
+  if (shut) say(now, shut);
+  if (!tracking || shut) return;
   say(request, `“${tracking.request}”`);
   const stage = stageOf(tracking);
   const stopped = tracking.outcome && stage < 3;
@@ -105,12 +108,26 @@ function draw() {
   question.draw(tracking.status === "needs_answer" ? tracking.question : null);
   show(stop, tracking.picture);
   if (tracking.picture) window_.set(`${base}/picture`);
-  show(map, !!tracking.drone);
+  show(map, !!tracking.drone || tracking.silent);
 }
 
+/** What has to be known before the page is believed; empty where all is well. */
+function troubleOf() {
+  if (connection.state !== "live")
+    return `The connection is interrupted; this is as it was at ${tracking ? clockTime(tracking.time) : "no time yet"}.`;
+  if (busy) return "The server can't tell how it goes just now; trying again …";
+  if (!silent()) return "";
+  return drone.last
+    ? `The drone was last heard ${duration(drone.silence)} ago; its place is not live.`
+    : "The drone does not tell just now where it is.";
+}
+
+const silent = () => drone.stale || !!tracking?.silent;
+
 function animate() {
-  const pose = tracking?.drone ? drone.pose() : null;
+  const pose = drone.pose();
   sign.style.display = pose ? "" : "none";
+  if (!pose) say(place, "");
   if (pose) {
     if (!frame?.holds(pose)) reframe([pose]);
     const far = street ? Math.hypot(pose.x - street.start.x, pose.y - street.start.y) : null;
@@ -118,11 +135,10 @@ function animate() {
       "transform",
       `translate(${frame.x(pose.x)} ${frame.y(pose.y)}) rotate(${(-pose.yaw * 180) / Math.PI})`,
     );
-    sign.setAttribute("class", drone.stale || connection.state !== "live" ? "drone stale" : "drone live");
-    say(
-      place,
-      `${number(pose.z, 0)} m above the ground${far === null ? "" : `, ${number(far, 0)} m from where it started`}`,
-    );
+    const old = silent() || connection.state !== "live";
+    sign.setAttribute("class", old ? "drone stale" : "drone live");
+    const start = far === null ? "" : `, ${number(far, 0)} m from where it started`;
+    say(place, `${number(pose.z, 0)} m above the ground${start}${old ? ", when it was last heard" : ""}`);
   }
   requestAnimationFrame(animate);
 }
@@ -139,11 +155,18 @@ connection.addEventListener("change", draw);
 const asking = poll(1000, async () => {
   try {
     tracking = await get(base);
-    if (tracking.drone) drone.hear({ time: tracking.drone.time, state: { pose: tracking.drone.pose } });
-    else drone.forget();
+    busy = false;
+    if (tracking.drone) drone.hear({ pose: tracking.drone.pose });
+    else if (!tracking.silent) drone.forget();
   } catch (error) {
-    if (error.status === 404) say(now, "This delivery is no longer kept.");
-    else if (error.status) say(now, "This link is not good any more; open it anew from where you got it.");
+    if (error.status === 404) shut = "This delivery is no longer kept.";
+    else if (error.status === 401 || error.status === 403)
+      shut = "This link is not good any more; open it anew from where you got it.";
+    else busy = !!error.status;
+  }
+  if (tracking?.outcome || shut) {
+    drone.forget();
+    asking.stop();
   }
   draw();
 });

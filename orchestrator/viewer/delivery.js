@@ -77,6 +77,7 @@ export function makeDelivery(id, session, at = NaN) {
         views.node,
         el("section", { class: "card" }, timeline.node),
         el("div", { class: "pair" }, el("section", { class: "card" }, el("h2", {}, "In space"), space.node), mark.node),
+        calls.node,
       ),
       el(
         "div",
@@ -86,7 +87,6 @@ export function makeDelivery(id, session, at = NaN) {
         facts.node,
       ),
     ),
-    calls.node,
     log.node,
   );
 
@@ -260,7 +260,7 @@ export function makeDelivery(id, session, at = NaN) {
         redraw();
       },
       drone(seen) {
-        drone.hear(seen);
+        drone.hear(seen.state);
       },
       end() {
         ended = true;

@@ -34,7 +34,7 @@ export function show(node, shown) {
 }
 
 /** Makes the children of `parent` those of `items`, in that order; a child is kept for as long as its key is there. */
-export function keyed(parent, items, keyOf, make, update) {
+export function keyed(parent, items, keyOf, make, update = () => {}) {
   const known = parent.known ?? new Map();
   const wanted = new Map();
   let before = parent.firstElementChild;
@@ -92,5 +92,3 @@ export function onFrame(work) {
     });
   };
 }
-
-export const still = () => matchMedia("(prefers-reduced-motion: reduce)").matches;

@@ -101,13 +101,7 @@ export function makeLog(seek) {
     draw({ replay, index, following }) {
       say(count, `${replay.events.length} events`);
       if (body.childElementCount !== replay.events.length)
-        keyed(
-          body,
-          replay.events,
-          (e) => e.number,
-          row,
-          () => {},
-        );
+        keyed(body, replay.events, (e) => e.number, row);
       lit?.classList.remove("on");
       lit = body.children[index] ?? null;
       lit?.classList.add("on");

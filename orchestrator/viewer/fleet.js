@@ -24,7 +24,7 @@ export function makeFleet() {
   async function refresh() {
     const overview = await get(`/v1/overview?${list.query()}`);
     heard = overview.time;
-    node.classList.toggle("alone", overview.vehicles.length === 0);
+    node.classList.toggle("alone", overview.vehicles.length + overview.flights.length === 0);
     for (const part of [list, streets, vehicles, alerts]) part.draw(overview);
     tell();
   }
@@ -72,7 +72,7 @@ function makeVehicles() {
     const node = el(
       "tr",
       {},
-      el("td", {}, vehicle.name, el("br"), el("span", { class: "soft" }, vehicle.kind)),
+      el("td", {}, vehicle.name, vehicle.name === vehicle.kind ? null : el("div", { class: "soft" }, vehicle.kind)),
       el("td", {}, badge, why),
       ...cells,
     );
@@ -88,14 +88,14 @@ function makeVehicles() {
     say(
       cells[0],
       vehicle.kind === "simulator"
-        ? `${vehicle.deliveries.length} of ${vehicle.room}`
+        ? `${vehicle.deliveries.length} of ${vehicle.room} drones`
         : (vehicle.deliveries[0] ?? "nothing"),
     );
     say(
       cells[1],
       battery === null || battery === undefined
         ? vehicle.kind === "simulator"
-          ? "each drone its own"
+          ? "each its own"
           : "not told"
         : `${number(100 * battery, 0)} %`,
     );
@@ -119,11 +119,11 @@ function makeAlerts() {
     el("h2", {}, "Needs somebody"),
     list,
   );
-  function alertsOf({ deliveries, flights, vehicles }) {
+  function alertsOf({ asking, flights, vehicles }) {
     const found = [];
     for (const v of vehicles) {
       if (v.state === "lost")
-        found.push({ key: `lost ${v.name}`, tone: "bad", text: `${v.name} is lost: ${v.problem}` });
+        found.push({ key: `lost ${v.name}`, tone: "bad", text: `${v.name} is lost: ${v.problem ?? "it does not answer"}` });
       const battery = v.vehicle?.battery.remaining ?? 1;
       if (battery < LOW_BATTERY)
         found.push({
@@ -150,9 +150,8 @@ function makeAlerts() {
           text: `a drone has ${number(100 * battery, 0)} % of its battery left`,
         });
     }
-    for (const d of deliveries)
-      if (d.question)
-        found.push({ key: `asks ${d.id}`, tone: "open", link: `#/delivery/${d.id}`, text: `asks: ${d.question}` });
+    for (const d of asking)
+      found.push({ key: `asks ${d.id}`, tone: "open", link: `#/delivery/${d.id}`, text: `asks: ${d.question}` });
     return found;
   }
   const row = ({ link, tone }) => el("li", { class: tone }, link ? el("a", { href: link }) : el("span"));

@@ -43,7 +43,8 @@ export function makeList(changed) {
     ),
   );
   const rows = el("ul", { class: "list" }),
-    none = el("p", { class: "soft", hidden: true });
+    none = el("p", { class: "soft", hidden: true }),
+    first = el("a", { href: "#/order", class: "button for-operators", hidden: true }, "Order the first one");
   const more = el(
     "button",
     {
@@ -64,6 +65,7 @@ export function makeList(changed) {
     el("div", { class: "chips", role: "group", "aria-label": "Which deliveries" }, ...chips, others),
     rows,
     none,
+    first,
     more,
   );
 
@@ -111,6 +113,7 @@ export function makeList(changed) {
       }),
     draw(overview) {
       keyed(rows, overview.deliveries, (line) => line.id, row, update);
+      show(first, !overview.deliveries.length && !text && !filter);
       show(more, !!overview.next && PAGE * pages < 1000);
       show(none, !overview.deliveries.length || (!!overview.next && PAGE * pages >= 1000));
       say(

@@ -6,11 +6,11 @@ const LATE_MS = 900,
   KEPT = 8;
 
 export class LiveDrone {
-  /** What was told: {at: when it came here, ms, state: VehicleState}. */
+  /** What was told: {at: when it came here, ms, state: VehicleState or what of it is told}. */
   #told = [];
 
-  hear(seen) {
-    this.#told.push({ at: performance.now(), time: seen.time, state: seen.state });
+  hear(state) {
+    this.#told.push({ at: performance.now(), state });
     if (this.#told.length > KEPT) this.#told.shift();
   }
 

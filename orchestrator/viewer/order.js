@@ -119,7 +119,7 @@ export function makeOrder() {
         : el(
             "p",
             { class: "fine" },
-            known === null ? "Nothing is open." : "Nothing is open; the model knows such a thing.",
+            known === null ? "Nothing is open." : "Nothing is open, and the model has learnt to see such a thing.",
           ),
     );
   }
@@ -146,6 +146,7 @@ export function makeOrder() {
       { class: "ask" },
       el("p", { class: "asked" }, text),
       el("div", { class: "line" }, line, needsServer(el("button", { type: "button", onclick: answer }, "Answer"))),
+      el("p", { class: "soft" }, "It may be ordered as it is: then the delivery asks before it takes off."),
     );
   }
 
@@ -210,7 +211,7 @@ export function makeOrder() {
       ? options.samples.map((s) => el("option", { value: s.name }, `${s.title} (${s.difficulty})`))
       : [];
     place.replaceChildren(
-      ...samples,
+      samples.length ? el("optgroup", { label: "Simulated streets to try, with a request each" }, ...samples) : "",
       ...(options.scenes ? [el("option", { value: OWN }, "a scene of your own, from a file")] : []),
       ...(options.own_place ? [el("option", { value: STANDS }, "where the vehicle stands")] : []),
     );

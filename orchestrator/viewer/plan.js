@@ -26,7 +26,7 @@ const LEGEND = [
 
 export function makePlan(label = "The way flown, from above") {
   const layers = svg("g"),
-    drone = svg("path", { class: "drone", d: "M13 0L-8 8L-4 0L-8-8Z" });
+    drone = droneSign();
   const picture = svg(
     "svg",
     { viewBox: `0 0 ${SIDE} ${SIDE}`, class: "plan", role: "img", "aria-label": label },
@@ -71,8 +71,11 @@ export function makePlan(label = "The way flown, from above") {
     drone.setAttribute("class", `drone ${tone}`);
   }
 
-  return { node: el("div", { class: "plan-box" }, picture, legend), picture, draw, move };
+  return { node: el("div", { class: "plan-box" }, picture, legend), draw, move };
 }
+
+/** A drone as plans show it, its nose to the east. */
+export const droneSign = (more = {}) => svg("path", { class: "drone live", d: "M13 0L-8 8L-4 0L-8-8Z", ...more });
 
 /** How metres become places of the picture; null where there is nothing to draw. */
 function frameOf(replays, street) {
@@ -110,6 +113,18 @@ function frameAbout(points) {
     scale,
     x: (x) => SIDE / 2 + (x - (west + east) / 2) * scale,
     y: (y) => SIDE / 2 - (y - (south + north) / 2) * scale,
+    /** Whether any of the building's rectangle is in the picture. */
+    shows: ({ footprint }) => {
+      const [px, py] = [footprint.map((p) => p.x), footprint.map((p) => p.y)];
+      const east_m = (west + east) / 2 + SIDE / 2 / scale,
+        north_m = (south + north) / 2 + SIDE / 2 / scale;
+      return (
+        Math.min(...px) < east_m &&
+        Math.max(...px) > east_m - SIDE / scale &&
+        Math.min(...py) < north_m &&
+        Math.max(...py) > north_m - SIDE / scale
+      );
+    },
     holds: (p) => p.x >= west - 1 && p.x <= east + 1 && p.y >= south - 1 && p.y <= north + 1,
   };
 }
@@ -128,7 +143,7 @@ export function background(frame, street) {
       "stroke-width": r.width_m * frame.scale,
     }),
   );
-  const houses = street.buildings.map((b) =>
+  const houses = street.buildings.filter(frame.shows).map((b) =>
     svg("polygon", {
       class: b.target ? "target" : "building",
       points: b.footprint.map((p) => `${frame.x(p.x)},${frame.y(p.y)}`).join(" "),
@@ -230,8 +245,7 @@ function scaleBar(frame) {
 function signOf(kind, sign) {
   if (sign === "area") return svg("rect", { class: kind, x: 3, y: 1, width: 18, height: 10 });
   if (sign === "dots") return svg("path", { class: kind, d: "M5 6h0M10 6h0M15 6h0M20 6h0" });
-  if (sign === "drone")
-    return svg("path", { class: "drone live", d: "M13 0L-8 8L-4 0L-8-8Z", transform: "translate(11 6) scale(.7)" });
+  if (sign === "drone") return droneSign({ transform: "translate(11 6) scale(.7)" });
   if (sign === "dot" || sign === "ring")
     return svg("g", { class: kind }, svg("circle", { cx: 12, cy: 6, r: kind === "start" ? 5 : 4 }));
   return svg("polyline", { class: kind, points: "2,6 22,6" });

@@ -94,7 +94,7 @@ function cornersOf(move) {
 }
 
 /** The pose after a share of a flight: along its corners, turning the shorter way round. */
-export function alongFlight(move, share) {
+function alongFlight(move, share) {
   const part = Math.min(1, Math.max(0, share));
   const corners = cornersOf(move);
   const legs = corners.slice(1).map((b, i) => Math.hypot(b.x - corners[i].x, b.y - corners[i].y, b.z - corners[i].z));
@@ -142,6 +142,7 @@ function callOf(e) {
     words: answer.text ?? "",
     seconds: e.data.seconds ?? answer.latency_s ?? 0,
     cached: answer.cache === "hit",
+    usd: answer.usd ?? null,
     tokens: (answer.tokens?.prompt ?? 0) + (answer.tokens?.completion ?? 0),
   };
 }

@@ -2,12 +2,11 @@
 
 export class Unreachable extends Error {}
 
-/** The orchestrator said no: `status`, `code` and its message. */
+/** The orchestrator said no: `status` and its message. */
 export class Refused extends Error {
   constructor(status, error) {
     super(error?.message ?? `the server answered with status ${status}`);
     this.status = status;
-    this.code = error?.code ?? "";
   }
 }
 

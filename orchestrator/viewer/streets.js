@@ -1,8 +1,18 @@
 /** The map of all flights: each street once, with every drone that flies in it. */
 import { el, keyed, number, say, show, svg } from "./dom.js";
 import { betweenPoses } from "./replay.js";
-import { background, streetFrame } from "./plan.js";
+import { background, droneSign, streetFrame } from "./plan.js";
 import { get } from "./server.js";
+
+/** Where the drone is, or where its record has it last; undefined where neither is told. */
+const poseOf = (flight) => flight.drone?.state.pose ?? flight.stop ?? undefined;
+
+function wordsOf({ drone, stop, problem }) {
+  if (!drone) return problem ?? (stop ? `${number(stop.z)} m high at its last stop` : "takes off");
+  const { pose, battery, mode } = drone.state;
+  const left = battery.remaining === null ? "" : `, battery ${number(100 * battery.remaining, 0)} %`;
+  return `${number(pose.z)} m high${left}, ${mode.replace("_", " ")}`;
+}
 
 /** Drones glide from where they were told before to where they were told last. */
 const GLIDE_MS = 1100;
@@ -19,7 +29,6 @@ export function makeStreets() {
   );
   const plans = new Map(),
     drones = new Map();
-  let lines = new Map();
 
   function planOf(flight) {
     if (!flight.street) return null;
@@ -48,7 +57,7 @@ export function makeStreets() {
     say(name, plan?.name ?? (key.startsWith("alone ") ? "where the vehicle stands" : "a street"));
     picture.setAttribute("aria-label", `${flights.length} in the air: ${plan?.name ?? "a street"}`);
     const shape = JSON.stringify([!!plan, flights.map((f) => f.delivery)]);
-    const here = flights.flatMap((f) => (f.drone ? [f.drone.state.pose] : []));
+    const here = flights.map(poseOf).filter(Boolean);
     if (shape !== node.parts.drawn || !here.every(node.parts.frame.holds)) {
       node.parts.drawn = shape;
       const frame = streetFrame(plan, here.length || plan ? here : [{ x: 0, y: 0 }]);
@@ -62,7 +71,8 @@ export function makeStreets() {
         });
     }
     for (const f of flights) hear(f);
-    keyed(list, flights, (f) => f.delivery, entry, tell);
+    const numbered = flights.map((flight, i) => ({ flight, number: i + 1 }));
+    keyed(list, numbered, ({ flight }) => flight.delivery, entry, tell);
   }
 
   function sign(flight, i) {
@@ -72,37 +82,28 @@ export function makeStreets() {
         href: `#/delivery/${flight.delivery}`,
         data: { delivery: flight.delivery },
         style: { display: "none" },
-        "aria-label": lines.get(flight.delivery)?.request ?? flight.delivery,
+        "aria-label": flight.request,
       },
-      svg("path", { class: "drone live", d: "M13 0L-8 8L-4 0L-8-8Z" }),
+      droneSign(),
       svg("text", { x: 0, y: -12, "text-anchor": "middle" }, String(i + 1)),
     );
   }
 
   function hear(flight) {
     const known = drones.get(flight.delivery) ?? {},
-      pose = flight.drone?.state.pose;
-    if (pose && flight.drone.time !== known.time)
-      Object.assign(known, { from: known.to ?? pose, to: pose, time: flight.drone.time, at: performance.now() });
+      pose = poseOf(flight),
+      told = flight.drone?.time ?? JSON.stringify(pose);
+    if (pose && told !== known.told)
+      Object.assign(known, { from: known.to ?? pose, to: pose, told, at: performance.now() });
     known.silent = !flight.drone;
     drones.set(flight.delivery, known);
   }
 
-  const entry = (flight) => {
-    const node = el("li", {}, el("a", { href: `#/delivery/${flight.delivery}` }), el("span", { class: "soft" }));
-    return node;
-  };
-  function tell(node, flight) {
-    const state = flight.drone?.state,
-      at = node.parentElement ? [...node.parentElement.children].indexOf(node) + 1 : "";
-    say(node.firstChild, `${at || ""} ${lines.get(flight.delivery)?.request ?? flight.delivery}`.trim());
-    const battery = state?.battery.remaining;
-    say(
-      node.lastChild,
-      state
-        ? `${number(state.pose.z)} m high${battery === null ? "" : `, battery ${number(100 * battery, 0)} %`}, ${state.mode.replace("_", " ")}`
-        : (flight.problem ?? "takes off"),
-    );
+  const entry = ({ flight }) =>
+    el("li", {}, el("a", { href: `#/delivery/${flight.delivery}` }), el("span", { class: "soft" }));
+  function tell(node, { flight, number: at }) {
+    say(node.firstChild, `${at} ${flight.request}`);
+    say(node.lastChild, wordsOf(flight));
   }
 
   function animate(now) {
@@ -125,7 +126,6 @@ export function makeStreets() {
   return {
     node,
     draw(overview) {
-      lines = new Map(overview.deliveries.map((line) => [line.id, line]));
       const groups = new Map();
       for (const flight of overview.flights) {
         const key = flight.street ?? `alone ${flight.delivery}`;

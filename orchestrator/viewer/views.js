@@ -1,5 +1,5 @@
 /** The pictures of a look with the boxes of what was seen, and the picture that a model was asked about. */
-import { el, keyed, number, say } from "./dom.js";
+import { el, keyed, number, say, show } from "./dom.js";
 import { sideWords } from "./wording.js";
 
 /** A picture of the record. One that can't be had says why: no longer kept, or the server is away. */
@@ -25,10 +25,12 @@ export function makePicture(alt) {
   }
   return {
     nodes: [image, why],
-    set(wanted) {
+    /** `none`: what is said where there is no picture. */
+    set(wanted, none = "") {
+      if (!wanted) say(why, none);
       if (wanted === address) return;
       address = wanted;
-      settle("");
+      settle(wanted ? "" : none);
       if (wanted) image.src = wanted;
       else image.removeAttribute("src");
     },
@@ -52,10 +54,10 @@ function makeView() {
     node = el("figure", {}, frame, caption);
   return {
     node,
-    update({ camera, address, sightings }) {
+    update({ camera, address, none, what, sightings }) {
       frame.style.aspectRatio = `${camera.width}/${camera.height}`;
-      picture.nodes[0].alt = `camera ${camera.name}, ${sideWords(camera)}`;
-      picture.set(address);
+      picture.nodes[0].alt = `${what} ${camera.name}, ${sideWords(camera)}`;
+      picture.set(address, none);
       say(caption, sideWords(camera));
       boxes.replaceChildren(
         ...sightings.map((s) =>
@@ -86,38 +88,67 @@ export function makeViews(addressOf) {
   const grid = el("div", { class: "views" }),
     said = el("span", { class: "soft" });
   const none = el("p", { class: "soft" }, "The drone has not looked round yet.");
+  const depthToo = el("button", { type: "button", "aria-pressed": "false", hidden: true, onclick: turn }, "Depth");
+  const scale = makeDepthScale();
   const made = new WeakMap();
-  const node = el("section", { class: "card" }, el("h2", {}, "What the cameras saw ", said), grid, none);
-  return {
-    node,
-    draw({ replay, index }) {
-      const look = replay.lastOf(index, "look");
-      none.hidden = !!look;
-      say(said, look ? `${number(look.time_s)} s · ${look.message}` : "");
-      const views = look
-        ? look.data.views.map(({ camera, picture }) => {
-            const file = pictureOf(look, picture);
-            return {
-              camera,
-              address: file ? addressOf(file) : null,
-              sightings: look.data.sightings.filter((s) => s.camera === camera.name),
-            };
-          })
-        : [];
-      grid.style.setProperty("--across", Math.max(3, Math.min(views.length, 8)));
-      keyed(
-        grid,
-        views,
-        (view) => view.camera.name,
-        () => {
-          const view = makeView();
-          made.set(view.node, view);
-          return view.node;
-        },
-        (child, view) => made.get(child).update(view),
-      );
-    },
-  };
+  const head = el("div", { class: "head" }, el("h2", {}, "What the cameras saw ", said), depthToo);
+  const node = el("section", { class: "card" }, head, grid, scale, none);
+  let deep = false,
+    model = null;
+
+  function turn() {
+    deep = !deep;
+    depthToo.setAttribute("aria-pressed", String(deep));
+    draw(model);
+  }
+
+  function viewOf(look, { camera, picture, depth }) {
+    const file = pictureOf(look, deep ? depth : picture);
+    return {
+      camera,
+      address: file ? addressOf(file) : null,
+      none: deep ? "No depth was recorded." : "No picture was kept.",
+      what: deep ? "depth of camera" : "camera",
+      sightings: look.data.sightings.filter((s) => s.camera === camera.name),
+    };
+  }
+
+  function draw(wanted) {
+    model = wanted;
+    const { replay, index } = model,
+      look = replay.lastOf(index, "look");
+    none.hidden = !!look;
+    show(depthToo, !!look);
+    show(scale, deep && !!look?.data.views.some((view) => pictureOf(look, view.depth)));
+    say(said, look ? `${number(look.time_s)} s · ${look.message}` : "");
+    const views = look ? look.data.views.map((view) => viewOf(look, view)) : [];
+    grid.style.setProperty("--across", Math.max(3, Math.min(views.length, 8)));
+    keyed(
+      grid,
+      views,
+      (view) => view.camera.name,
+      () => {
+        const view = makeView();
+        made.set(view.node, view);
+        return view.node;
+      },
+      (child, view) => made.get(child).update(view),
+    );
+  }
+
+  return { node, draw };
+}
+
+/** What the colours of depth mean: from 0.5 to 40 m, evenly by its logarithm, as the record's pictures have them. */
+function makeDepthScale() {
+  const at = (metres) => `${(100 * Math.log(metres / 0.5)) / Math.log(80)}%`;
+  const marks = [0.5, 1, 2, 5, 10, 20, 40].map((m) => el("span", { style: { left: at(m) } }, m === 40 ? "40 m" : String(m)));
+  return el(
+    "div",
+    { class: "depth-scale", hidden: true, role: "img", "aria-label": "Colours of depth: yellow is near, violet far" },
+    el("div", { class: "colours" }, ...marks),
+    el("p", { class: "soft" }, el("i", { class: "unknown" }), "no depth told ", el("i"), "nothing within reach"),
+  );
 }
 
 const ASKED = {

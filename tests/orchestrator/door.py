@@ -10,6 +10,7 @@ import uvicorn
 
 from contracts.vehicle import VehicleState
 from contracts.vlm_gateway import ListedModel
+from mission.placement import OwnVehicle
 from mission.ports import Ports, ServiceRefused
 from orchestrator.access import EVERYBODY, Access
 from orchestrator.app import build_app
@@ -23,7 +24,7 @@ from orchestrator.turns import Policy
 from orchestrator.webhooks import Webhook
 from service_kit.run import server_config
 from tests.conftest import free_port
-from tests.mission.block_vehicle import BlockWorld
+from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import BlockVision, block_ports
 
 
@@ -53,6 +54,30 @@ class BlockSimulators:
     def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
         world = self._worlds[vehicle or self.members[0].name]
         return FlownWith(block_ports(world, self._vision), order.placed(world))
+
+
+class OneDrone:
+    """A hangar with a drone of our own, named hexa, and no simulator."""
+
+    def __init__(self, drone: BlockVehicle) -> None:
+        self._drone = drone
+        self._world = BlockWorld(drone.block, vehicles={drone.name: drone}, boarded=drone.name)
+        self.members = [Member("hexa", "vehicle")]
+
+    async def ask(self, name: str) -> SignOfLife:
+        return SignOfLife(None, await self._drone.state(), await self._drone.connect())
+
+    def ports(self) -> Ports:
+        return block_ports(self._world, BlockVision(self._world))
+
+    async def models(self) -> tuple[ListedModel, ...]:
+        return (ListedModel(id="geometry", owned_by="scripted", roles=("recognition",)),)
+
+    async def drone(self, name: str, drone: str) -> VehicleState:
+        return await self._drone.state()
+
+    def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
+        return FlownWith(self.ports(), OwnVehicle(self._drone))
 
 
 class Door:

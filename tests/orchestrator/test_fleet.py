@@ -9,14 +9,12 @@ import pytest
 
 from contracts.fleet import FleetList, FleetVehicle
 from contracts.orchestrator import Delivery
-from mission.placement import OwnVehicle
-from orchestrator.delivery import Order
 from orchestrator.fleet import read_fleet
-from orchestrator.hangar import FlownWith, Hangar, Member, SignOfLife
+from orchestrator.hangar import Hangar
 from service_kit.settings import BadSetting
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
-from tests.mission.box_world import RIG, BlockVision, block_ports
-from tests.orchestrator.door import BlockSimulators, Door
+from tests.mission.box_world import RIG
+from tests.orchestrator.door import BlockSimulators, Door, OneDrone
 from tests.orchestrator.test_app import BEHIND, REQUEST, events_of, finished, order, until
 
 
@@ -130,21 +128,6 @@ def test_a_service_that_comes_back_in_time_costs_the_delivery_nothing(open_door)
     world.away = False
     done = finished(client, name)
     assert (done.result.outcome, done.flights) == ("delivered", 1)
-
-
-class OneDrone:
-    """A hangar with a drone of our own and no simulator."""
-
-    def __init__(self, drone: BlockVehicle) -> None:
-        self._drone = drone
-        self._world = BlockWorld(drone.block, vehicles={drone.name: drone}, boarded=drone.name)
-        self.members = [Member("hexa", "vehicle")]
-
-    async def ask(self, name: str) -> SignOfLife:
-        return SignOfLife(None, await self._drone.state(), await self._drone.connect())
-
-    def flown_with(self, vehicle: str | None, order: Order) -> FlownWith:
-        return FlownWith(block_ports(self._world, BlockVision(self._world)), OwnVehicle(self._drone))
 
 
 def test_a_delivery_without_a_scene_is_flown_by_a_vehicle_that_stands_ready(open_door) -> None:

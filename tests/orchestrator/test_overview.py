@@ -48,7 +48,9 @@ def test_the_overview_tells_deliveries_by_state_outcome_and_words(client: httpx.
     until(client, asking, "needs_answer")
     everything = overview(client)
     assert everything.counts["needs_answer"] == 1
-    assert [line.id for line in overview(client, outcome="delivered").deliveries] == [name]
+    delivered = overview(client, outcome="delivered")
+    assert [line.id for line in delivered.deliveries] == [name]
+    assert [line.id for line in delivered.asking] == [asking], "a filter hides nobody who waits for an answer"
     assert overview(client, outcome="collision").deliveries == ()
     (line,) = overview(client, text="QUESTION of its").deliveries
     assert (line.id, line.question) == (asking, "What can be seen at your window from outside?")
@@ -71,7 +73,7 @@ def test_a_drone_in_the_air_is_told_until_it_is_given_back(client: httpx.Client,
     assert seen.state.battery.remaining is not None
     (flight,) = [f for f in overview(client).flights if f.delivery == name]
     street = StreetPlan.model_validate(client.get(f"/v1/deliveries/{name}/street").json())
-    assert flight.street == street.key
+    assert (flight.street, flight.request) == (street.key, REQUEST)
     assert [building.target for building in street.buildings] == [True]
     told = []
     with client.stream("GET", f"/v1/deliveries/{name}/events", params={"drone": True}) as stream:
@@ -93,10 +95,12 @@ def test_a_drone_that_does_not_tell_is_said_to_be_silent(client: httpx.Client, w
     world.away = True
     time.sleep(0.5)
     answer = client.get(f"/v1/deliveries/{name}/drone")
+    shown = Tracking.model_validate(client.get(f"/v1/deliveries/{name}/tracking").json())
     world.away, world.slow_s = False, 0.0
     assert answer.status_code in (404, 503)
     if answer.status_code == 503:
         assert "nobody answers" in answer.json()["error"]["message"]
+        assert (shown.drone, shown.silent) == (None, True)
     finished(client, name)
 
 

@@ -1,16 +1,20 @@
 """The pages over a run's records, while it is flown and afterwards; over real HTTP."""
 
+import asyncio
 from pathlib import Path
 
 import httpx
 import pytest
 
-from contracts.event_data import NoData
+from contracts.event_data import NoData, PlacedData
+from contracts.geometry import Pose
 from contracts.orchestrator import Delivery, DeliveryQuestion
 from contracts.overview import Overview
 from mission.record import Record, failed, now
 from orchestrator.replay_app import build_replay_app
 from orchestrator.replays import Replays
+from orchestrator.store.lines import Chosen
+from orchestrator.streets import street_of
 from tests.conftest import Serve
 from tests.mission.block import Block, block_scene
 
@@ -22,6 +26,10 @@ def record(run: Path, task: str, request: str = "floor 4") -> Record:
         id=task, status="waiting", phase="parse", request=request, scene="block", created=now(), folder=None
     )
     return Record(run / "episodes" / task, delivery, question)
+
+
+def placed(one: Record, pose: Pose) -> None:
+    one.write(1, "place", "at the start", PlacedData(vehicle="e1", pose=pose))
 
 
 def end(one: Record) -> None:
@@ -63,6 +71,21 @@ def test_a_run_is_looked_at_while_it_is_flown(run: Path, serve: Serve) -> None:
         assert client.get("/v1/deliveries/006/files/0001_view.jpg").content == b"a picture"
         assert client.get("/v1/session").json() == {"role": "read_only", "asked": False}
         assert "script-src 'self'" in client.get("/").headers["content-security-policy"]
+
+
+def test_a_flight_is_shown_where_its_record_has_it_last(run: Path) -> None:
+    pose = Pose(x=1.0, y=2.0, z=3.0, yaw=0.5)
+    before, after = record(run, "008"), record(run, "009")
+    placed(after, pose)
+    shown = asyncio.run(Replays(run).overview(Chosen(10)))
+    street = street_of(block_scene(Block())).key
+    assert {f.delivery: (f.street, f.stop, f.drone) for f in shown.flights} == {
+        "008": (street, None, None),
+        "009": (street, pose, None),
+    }
+    end(after)
+    assert [f.delivery for f in asyncio.run(Replays(run).overview(Chosen(10))).flights] == ["008"]
+    before.close()
 
 
 @pytest.mark.parametrize(

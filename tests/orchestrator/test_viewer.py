@@ -59,8 +59,8 @@ def test_what_the_scripts_read_of_a_view_and_a_sighting_is_there() -> None:
         set(re.findall(r"\bs\.(box|camera|rejected|accepted|confidence|distance_m|heading_deg|place)\b", PAGE))
         <= judged
     )
-    assert "({ camera, picture })" in PAGE
-    assert view == {"camera", "picture"}
+    assert "{ camera, picture, depth }" in PAGE
+    assert view == {"camera", "picture", "depth"}
 
 
 def test_every_field_that_the_scripts_read_of_any_event_is_there_in_some_kind() -> None:

@@ -16,7 +16,8 @@ OPERATOR, READER = "operators-token", "readers-token"
 @pytest.fixture(scope="module")
 def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[House]:
     """Asks for tokens."""
-    house = House(tmp_path_factory.mktemp("runs"), access=Access(OPERATOR, READER, lambda: "key of the test", 3600))
+    access = Access(OPERATOR, READER, lambda: "key of the test", 3600)
+    house = House(tmp_path_factory.mktemp("runs"), access=access, service_within_s=600.0)
     house.client.headers["authorization"] = f"Bearer {OPERATOR}"
     yield house
     house.leave()
@@ -55,6 +56,30 @@ def test_a_customers_link_shows_their_delivery_and_takes_their_answer(secured: H
     page.get_by_role("button", name="Answer").click()
     expect(page.locator("#now")).to_contain_text("The drone is in front of your window")
     expect(page.locator("#stop img")).to_be_visible()
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.wait_for_timeout(2500)
+    assert asked == [], "a delivery that is over is not asked after"
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     page.goto(f"{secured.url}{link}x")
     expect(page.get_by_role("heading", level=1)).to_have_text("This link opens no delivery")
+
+
+def test_a_customer_is_told_that_their_drone_is_silent_and_where_it_was(secured: House, open_page: OpenPage) -> None:
+    secured.world.pace = 1.0
+    name = secured.order()
+    link = secured.client.post(f"/v1/deliveries/{name}/link").json()["path"]
+    page = open_page(secured.url + link, viewport=PHONE)
+    expect(page.locator(".where")).to_contain_text("m above the ground")
+    secured.world.away = True
+    try:
+        expect(page.locator("#trouble")).to_contain_text("last heard")
+        expect(page.locator(".where")).to_contain_text("when it was last heard")
+        page.reload()
+        expect(page.locator("#trouble")).to_have_text("The drone does not tell just now where it is.")
+        expect(page.locator("#map .building, #map .target").first).to_be_visible()
+    finally:
+        secured.world.away, secured.world.pace = False, 0.0
+    secured.client.delete(f"/v1/deliveries/{name}")
+    expect(page.locator("#now")).to_contain_text(re.compile("cancelled|window"))
+    expect(page.locator("#trouble")).to_be_hidden()

@@ -86,6 +86,24 @@ def test_play_runs_through_a_delivery_and_a_step_stops_it(house: House, open_pag
     page.get_by_role("button", name="Copy link").or_(page.get_by_text("copy link")).first.click()
 
 
+def test_depth_is_shown_when_it_is_asked_for(house: House, open_page: OpenPage) -> None:
+    name = house.delivered()
+    page = open_page(f"{house.url}/#/delivery/{name}")
+    seen = page.locator(".views img").first
+    expect(seen).to_be_visible()
+    button = page.get_by_role("button", name="Depth")
+    button.click()
+    expect(button).to_have_attribute("aria-pressed", "true")
+    expect(seen).to_have_attribute("src", re.compile("_depth.jpg$"))
+    expect(seen).to_be_visible()
+    assert page.locator(".views img").count() == page.locator(".views img[src$='_depth.jpg']").count()
+    expect(page.locator(".depth-scale")).to_contain_text("40 m")
+    assert serious(page) == []
+    button.click()
+    expect(seen).not_to_have_attribute("src", re.compile("_depth.jpg$"))
+    expect(page.locator(".depth-scale")).to_be_hidden()
+
+
 def test_an_expired_picture_and_an_expired_delivery_are_said(house: House, open_page: OpenPage) -> None:
     name = house.delivered()
     shutil.rmtree(house.runs / name / "pictures")
