@@ -20,9 +20,11 @@ def read_scene(path: str | Path) -> Scene:
     """The scene document (JSON) in a file; docs/scenes.md has its format. Raises BadScene."""
     path = Path(path)
     try:
-        if path.stat().st_size > MAX_SCENE_BYTES:
+        with path.open("rb") as file:
+            data = file.read(MAX_SCENE_BYTES + 1)  # the size that a pipe or a device says it has tells nothing
+        if len(data) > MAX_SCENE_BYTES:
             raise BadScene(f"{path} is larger than {MAX_SCENE_BYTES} bytes: that is no scene document")
-        return Scene.model_validate_json(path.read_text(encoding="utf-8"))
+        return Scene.model_validate_json(data.decode("utf-8"))
     except OSError as error:
         raise BadScene(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:

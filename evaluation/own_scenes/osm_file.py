@@ -3,6 +3,7 @@
 Format: https://wiki.openstreetmap.org/wiki/OSM_XML. Nothing is fetched.
 """
 
+import io
 import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Sequence
@@ -86,12 +87,13 @@ def read_map(path: Path) -> OsmMap:
     if path.name.endswith(".pbf"):
         raise BadMap(f"{path}: a .pbf is not read; make an .osm of it first, for example with `osmium cat`")
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise BadMap(f"{path} is larger than {MAX_BYTES // 2**20} MiB: take an extract of some streets")
         with path.open("rb") as file:
-            if b"<!DOCTYPE" in file.read(_HEAD_BYTES):
-                raise BadMap(f"{path} declares a document type, which no OpenStreetMap extract does")
-        raw = _parsed(path)
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise BadMap(f"{path} is larger than {MAX_BYTES // 2**20} MiB: take an extract of some streets")
+        if b"<!DOCTYPE" in data[:_HEAD_BYTES]:
+            raise BadMap(f"{path} declares a document type, which no OpenStreetMap extract does")
+        raw = _parsed(data)
     except OSError as error:
         raise BadMap(f"{path}: {error.strerror}") from None
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
@@ -99,17 +101,19 @@ def read_map(path: Path) -> OsmMap:
     except (KeyError, ValueError) as error:
         if isinstance(error, BadMap):
             raise
-        raise BadMap(f"{path}: an element without its id or place, or with one that is no number ({error})") from None
+        raise BadMap(f"{path}: an element without its id or place, or with one that is none ({error})") from None
     if not raw.nodes:
         raise BadMap(f"{path} has no nodes: it is no OpenStreetMap extract")
     return _map_of(raw)
 
 
-def _parsed(path: Path) -> _Raw:
+def _parsed(data: bytes) -> _Raw:
     raw = _Raw({}, [], {}, [])
-    for _, element in ElementTree.iterparse(path):
+    for _, element in ElementTree.iterparse(io.BytesIO(data)):
         if element.tag == "node":
             at = LatLon(float(element.attrib["lat"]), float(element.attrib["lon"]))
+            if not (abs(at.lat) <= 90.0 and abs(at.lon) <= 180.0):
+                raise ValueError(f"node {element.attrib['id']} at {at.lat:g}, {at.lon:g}")
             raw.nodes[element.attrib["id"]] = at
             if _tags(element).get("natural") == "tree":
                 raw.trees.append(at)
