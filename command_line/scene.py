@@ -154,10 +154,18 @@ def from_osm(
         seed=seed,
     )
     try:
-        made = scene_of(read_map(file), wanted)
+        found = read_map(file)
+        if wanted.thing is not None:
+            with own_simulator() as simulator:
+                entry_of(simulator.catalogue(), wanted.thing.kind, wanted.thing.colour)
+        made = scene_of(found, wanted)
         write_scene(made.scene, out)
-    except BadMap as error:
+    except (BadMap, UnbuildableScene) as error:
         stop(str(error), WRONG_INPUT)
+    except SimulatorFault as error:
+        stop(str(error), FAILED)
+    except KeyboardInterrupt:
+        stop("interrupted; nothing was written", INTERRUPTED)
     except OSError as error:
         stop(f"{out} can't be written: {error.strerror}", WRONG_INPUT)
     for line in made.told:

@@ -1,5 +1,7 @@
 """A scripted agent: up to the floor that is named, round the building with the wall on the right, and towards the
-colour that is named when it comes in sight. It knows depth and colours and no windows: most requests are beyond it."""
+colour that is named when it comes in sight. It shows how observations are read and actions given. It is no baseline:
+it stops before the first large patch of that colour, whatever it is of, so that wrong windows are its usual end. What
+to compare an agent with is in docs/leaderboard.md."""
 
 import math
 import re

@@ -19,10 +19,12 @@ _WINDOW_PLACES: tuple[PlaceOn, ...] = ("balcony", "sill", "wall", "pane", "hang"
 Spot = tuple[str, int, int, int]
 
 
-def entry_of(catalogue: Catalogue, kind: str) -> CatalogueEntry:
-    """The catalogue's entry of a class. Raises UnbuildableScene."""
+def entry_of(catalogue: Catalogue, kind: str, colour: str | None = None) -> CatalogueEntry:
+    """The catalogue's entry of a class that there is, in that colour where one is named. Raises UnbuildableScene."""
     for entry in catalogue.entries:
         if entry.kind == kind:
+            if colour not in (None, *entry.colours):
+                raise UnbuildableScene(f"a {kind} comes in {', '.join(entry.colours)}, not in {colour!r}")
             return entry
     raise UnbuildableScene(f"the catalogue has no {kind!r}; it has {', '.join(e.kind for e in catalogue.entries)}")
 
@@ -114,10 +116,7 @@ class Placer:
             return None
 
     def _checked(self, goal: GoalSpec) -> CatalogueEntry:
-        entry = entry_of(self._catalogue, goal.kind)
-        if goal.colour not in entry.colours:
-            raise UnbuildableScene(f"a {goal.kind} comes in {', '.join(entry.colours)}, not in {goal.colour!r}")
-        return entry
+        return entry_of(self._catalogue, goal.kind, goal.colour)
 
     def _looks(self, decoy: DecoySpec) -> list[tuple[str, str]]:
         """Classes and colours that a decoy may have, in the order in which they are tried."""

@@ -11,6 +11,7 @@ from episode_kit.episode import About, FlyingEpisode
 from episode_kit.judge import judge
 from episode_kit.kinematics import Vector, wrapped
 from episode_kit.odometry import Odometry
+from episode_kit.own_request import claimed_window
 from episode_kit.trajectory import KinematicPlanner
 from service_kit.errors import BadQuestion
 from services.carla_world.client import RELEASE, CarlaClient
@@ -19,7 +20,7 @@ from services.carla_world.rig import CarlaRig, lenses_of
 from services.carla_world.scene_documents import CarlaScene, Prop
 from services.carla_world.sight import DepthSight
 from services.carla_world.sweep import DepthSweeper
-from services.carla_world.things import things_of
+from services.carla_world.things import names_of, things_of
 
 
 class CarlaEpisode(FlyingEpisode):
@@ -46,6 +47,7 @@ class CarlaEpisode(FlyingEpisode):
             self.rig_in_world.close()
             raise
         self._scene: Scene = scene
+        self._own_request = question.own_request
         known = {name: middle for name, middle in measured.items() if name is not None}
         self._things = things_of(scene, known)
         self._sight = DepthSight(self.rig_in_world.probe, self._things)
@@ -70,7 +72,11 @@ class CarlaEpisode(FlyingEpisode):
 
     def judged(self, target: Vector | None) -> Verdict:
         drone = self.drone
-        return judge(self._scene, self._things, self._sight, drone.pose, drone.collided, target, self.steps)
+        verdict = judge(self._scene, self._things, self._sight, drone.pose, drone.collided, target, self.steps)
+        if not self._own_request:
+            return verdict
+        window = claimed_window(self._scene, self._things, self._sight, drone.pose, target, names_of)
+        return verdict.model_copy(update={"window": window})
 
 
 def check(question: EpisodeQuestion) -> None:

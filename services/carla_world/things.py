@@ -16,6 +16,12 @@ def things_of(scene: Scene, measured: dict[str, Vector]) -> dict[str, Thing]:
     return {o.id: Thing(part, middle) for part, (o, middle) in enumerate(zip(scene.objects, found, strict=True), 1)}
 
 
+def names_of(kind: str, colour: str) -> tuple[str, ...]:
+    """What people call an object, by the words of its class alone: CARLA has no catalogue, so no synonyms."""
+    name = kind.replace("_", " ")
+    return f"{colour} {name}", name
+
+
 def _stated_middle(scene: Scene, thing: SceneObject) -> Vector:
     place = thing.place
     if not isinstance(place, WindowPlace):

@@ -107,6 +107,16 @@ def test_a_claim_in_front_of_the_right_window_is_delivered(http: httpx.Client, e
     assert (verdict.line_of_sight, verdict.collided, verdict.steps) == (True, False, 1)
 
 
+def test_of_a_request_of_the_customers_own_the_window_claimed_is_told(http: httpx.Client) -> None:
+    episode = begun(http, own_request=True)
+    fly(http, episode, 1, BEFORE_THE_POT)
+    window = Verdict.model_validate_json(http.post(f"/v1/episodes/{episode.id}/claim").content).window
+    http.delete(f"/v1/episodes/{episode.id}")
+    assert window is not None
+    assert window.claimed == window.goal
+    assert "flower pot" in window.claimed.names
+
+
 def test_behind_the_corner_the_window_is_not_in_sight(http: httpx.Client, episode: Episode) -> None:
     fly(http, episode, 1, [{"x": 7.0, "y": -15.0, "z": 7.65}, {"x": 7.0, "y": -2.0, "z": 7.65}])
     verdict = Verdict.model_validate_json(http.post(f"/v1/episodes/{episode.id}/claim").content)

@@ -38,6 +38,10 @@ def test_a_scene_from_a_map_says_what_it_took(tmp_path: Path) -> None:
     assert made.exit_code == 0, made.output
     assert "delivers to way/100 (Weg 7)" in made.output
     assert read_scene(out).goal == "goal"
+    beige = RUN.invoke(app, [*asked[:3], "--out", str(tmp_path / "b.json"), "--object", "kite", "--colour", "beige"])
+    assert beige.exit_code == 2
+    assert "a kite comes in" in beige.output
+    assert not (tmp_path / "b.json").exists()
     again = RUN.invoke(app, asked)
     assert again.exit_code == 2
     assert "is there already" in again.output
