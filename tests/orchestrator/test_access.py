@@ -14,7 +14,7 @@ from service_kit.app import create_app
 from service_kit.settings import BadSetting
 from tests.mission.block_vehicle import BlockWorld
 from tests.orchestrator.door import Door
-from tests.orchestrator.test_app import BEHIND, finished, order
+from tests.orchestrator.orders import BEHIND, finished, order
 
 OPERATOR, READER = "operators-token", "readers-token"
 OWN = {"Sec-Fetch-Site": "same-origin"}

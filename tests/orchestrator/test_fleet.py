@@ -15,7 +15,7 @@ from service_kit.settings import BadSetting
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import RIG
 from tests.orchestrator.door import BlockSimulators, Door, OneDrone
-from tests.orchestrator.test_app import BEHIND, REQUEST, events_of, finished, order, until
+from tests.orchestrator.orders import BEHIND, REQUEST, events_of, finished, order, until
 
 
 @pytest.fixture

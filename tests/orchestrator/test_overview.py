@@ -10,7 +10,7 @@ import pytest
 from contracts.overview import DroneSeen, OrderOptions, Overview, Reading, StreetPlan, Tracking
 from tests.mission.block_vehicle import BlockWorld
 from tests.orchestrator.door import BlockSimulators, Door
-from tests.orchestrator.test_app import BEHIND, REQUEST, finished, order, until
+from tests.orchestrator.orders import BEHIND, REQUEST, finished, order, until
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from contracts.orchestrator import StatusMessage
 from orchestrator.webhooks import Webhook
 from tests.mission.block_vehicle import BlockWorld
 from tests.orchestrator.door import Door
-from tests.orchestrator.test_app import BEHIND, finished, order
+from tests.orchestrator.orders import BEHIND, finished, order
 
 SECRET = b"between us"
 

@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_play
 
 from tests.mission.block_vehicle import BlockWorld
 from tests.orchestrator.door import Door
-from tests.orchestrator.test_app import BEHIND, finished, order
+from tests.orchestrator.orders import BEHIND, finished, order
 
 DESK = {"width": 1360, "height": 900}
 PHONE = {"width": 390, "height": 844}

@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from orchestrator.access import Access
-from tests.orchestrator.test_app import REQUEST
+from tests.orchestrator.orders import REQUEST
 from tests.orchestrator.viewer.conftest import PHONE, House, OpenPage, serious
 
 OPERATOR, READER = "operators-token", "readers-token"

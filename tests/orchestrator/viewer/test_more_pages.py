@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from contracts.orchestrator import Delivery, DeliveryQuestion
 from mission.record import Record, new_id, now
-from tests.orchestrator.test_app import order, until
+from tests.orchestrator.orders import order, until
 from tests.orchestrator.viewer.conftest import DESK, PHONE, House, OpenPage, serious
 
 pytestmark = pytest.mark.browser

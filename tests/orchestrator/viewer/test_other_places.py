@@ -16,7 +16,7 @@ from tests.conftest import Serve
 from tests.mission.block_vehicle import BlockVehicle
 from tests.mission.box_world import RIG
 from tests.orchestrator.door import OneDrone
-from tests.orchestrator.test_app import BEHIND, REQUEST
+from tests.orchestrator.orders import BEHIND, REQUEST
 from tests.orchestrator.test_replays import end, record
 from tests.orchestrator.viewer.conftest import House, OpenPage, serious
 
