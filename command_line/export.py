@@ -12,6 +12,7 @@ from evaluation.bench.folder import BadFolder
 from evaluation.export.episodes import CannotExport
 from evaluation.export.formats import Exported, FormatName
 from evaluation.export.formats import export as export_run
+from mission.wording import counted
 
 
 def export(
@@ -25,7 +26,7 @@ def export(
 ) -> None:
     """Write the flights of a run as a dataset or as recordings to look at: one record a stop, depth without loss."""
     console = Console(stderr=True)
-    place = out or run.with_name(f"{run.name}-{form}")
+    place = out or place_beside(run, form)
     try:
         with bar(console) as progress:
             job: TaskID = progress.add_task(f"writing {place}", total=None)
@@ -43,11 +44,17 @@ def export(
         stop(f"{error.filename or place}: {error.strerror or error}; nothing of {place} is kept", FAILED)
     except KeyboardInterrupt:
         stop("interrupted; nothing is kept", INTERRUPTED)
-    typer.echo(f"{place}: {done.episodes} flights{_left_out(done)}")
+    typer.echo(f"{place}: {counted(done.episodes, 'flight')}{_left_out(done)}")
     if done.damaged:
         for name, why in done.damaged.items():
             typer.echo(f"  {name}: {why}", err=True)
         stop(f"{len(done.damaged)} flights are damaged and left out", FAILED)
+
+
+def place_beside(run: Path, form: FormatName) -> Path:
+    """The export's usual place; of `.` and the like as well."""
+    named = run if run.name not in ("", "..") else run.resolve()
+    return named.parent / f"{named.name}-{form}"
 
 
 def _left_out(done: Exported) -> str:

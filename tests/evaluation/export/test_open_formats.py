@@ -134,7 +134,7 @@ def test_the_command_tells_what_it_wrote_and_what_it_left_out(own_run: Path, tmp
     shutil.rmtree(own_run / "episodes" / "t-2")
     told = CliRunner().invoke(app, ["export", str(own_run), "--format", "coco"])
     assert told.exit_code == 0, told.output
-    assert f"{own_run}-coco: 1 flights; 1 left out: flown without --pictures all" in told.output.replace("\n", "")
+    assert f"{own_run}-coco: 1 flight; 1 left out: flown without --pictures all" in told.output.replace("\n", "")
     nothing = CliRunner().invoke(app, ["export", str(tmp_path / "nowhere"), "--format", "mcap"])
     assert nothing.exit_code == 2
     assert "holds no run" in nothing.output
