@@ -1,6 +1,7 @@
 """What an episode is about: a request in a scene, from a task set, the samples, or a scene of one's own."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from contracts.geometry import Point3
@@ -9,9 +10,13 @@ from contracts.scene import FreePlace, Scene
 from evaluation.task_set.shortest import SECOND, goal_slot, ways
 from evaluation.task_set.task import Task
 from evaluation.task_set.task_files import load
+from logisticsvln.scenes import read_scene
 from orchestrator import sample_library
 
 SAMPLES = "samples"
+LONGEST_REQUEST = 4000
+LETTERS = frozenset(chr(code) for code in (*range(32, 127), *range(160, 592), 10, 9, *range(0x2010, 0x2027), 0x20AC))
+"""What the customer's words may be made of: Latin letters, and what stands between them."""
 
 
 class Assignment(NamedTuple):
@@ -44,23 +49,33 @@ def assignments_of(tasks: str | Sequence[Task | Sample]) -> tuple[Assignment, ..
 
 
 def assignment_of(task: Task | Sample) -> Assignment:
+    """Raises ValueError for what is neither."""
     if isinstance(task, Task):
         return Assignment(task.id, task.request, task.scene, task.shortest_horizontal_m)
-    return Assignment(task.name, task.request, task.scene)
+    if isinstance(task, Sample):
+        return Assignment(task.name, task.request, task.scene)
+    raise ValueError(f"tasks: give a Task or a Sample, not {type(task).__name__}")
 
 
 def chosen_by(options: Mapping[str, Any], among: Sequence[Assignment]) -> Assignment | None:
-    """What `reset`'s options name: `task` (a name of the set, a Task or a Sample), or a `scene`; with a `request` of
-    one's own. None where they name nothing. Raises ValueError."""
+    """What `reset`'s options name: `task` (a name of the set, a Task or a Sample), or a `scene` (or the file of one);
+    with a `request` of one's own. None where they name nothing. Raises ValueError, BadScene among them."""
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options: give a dictionary with task, scene or request, not {options!r}")
     unknown = sorted(set(options) - {"task", "scene", "request"})
     if unknown:
         raise ValueError(f"options: there is no {unknown[0]!r}; there are task, scene and request")
     task, scene, request = options.get("task"), options.get("scene"), options.get("request")
+    if request is not None:
+        _must_be_readable(request)
     if task is not None and scene is not None:
         raise ValueError("options: give a task or a scene, not both")
     if scene is not None:
         if not request:
             raise ValueError("options: a scene needs a request, the customer's words")
+        scene = read_scene(scene) if isinstance(scene, str | Path) else scene
+        if not isinstance(scene, Scene):
+            raise ValueError(f"options: scene is a Scene or the file of one, not {type(scene).__name__}")
         return Assignment(scene.name, request, scene)
     if task is None:
         if request:
@@ -73,6 +88,15 @@ def chosen_by(options: Mapping[str, Any], among: Sequence[Assignment]) -> Assign
     else:
         named = assignment_of(task)
     return named._replace(request=request) if request else named
+
+
+def _must_be_readable(request: object) -> None:
+    """Raises ValueError for words that the space of observations has not."""
+    if not isinstance(request, str) or len(request) > LONGEST_REQUEST:
+        raise ValueError(f"options: request is a text of at most {LONGEST_REQUEST} letters")
+    if foreign := sorted(set(request) - LETTERS):
+        shown = "".join(foreign[:10])
+        raise ValueError(f"options: request has letters that an observation can't have, Latin ones alone: {shown!r}")
 
 
 def goal_of(assignment: Assignment) -> Goal | None:

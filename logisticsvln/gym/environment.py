@@ -19,15 +19,13 @@ from contracts.sim import EpisodeQuestion, Flight
 from contracts.vehicle import Observation, VehicleState
 from evaluation.task_set.task import Task
 from logisticsvln.gym.actions import ActionSpace, Strides, actions_of
-from logisticsvln.gym.assignments import SAMPLES, assignments_of, chosen_by, goal_of
+from logisticsvln.gym.assignments import LETTERS, LONGEST_REQUEST, SAMPLES, assignments_of, chosen_by, goal_of
 from logisticsvln.gym.measures import Measures
 from logisticsvln.gym.world import World
 
 Reward = Literal["sparse", "progress"]
-LONGEST_REQUEST = 4000
 FARTHEST_M = NO_RETURN * DEPTH_METRES_PER_UNIT
 """What depth is where nothing is within the sensor's reach."""
-_LETTERS = frozenset(chr(code) for code in (*range(32, 127), *range(160, 592), 10, 9, *range(0x2010, 0x2027), 0x20AC))
 SUCCESS_REWARD = {"sparse": 1.0, "progress": 10.0}
 
 
@@ -72,6 +70,8 @@ class LogisticsVlnEnv(gymnasium.Env[dict[str, Any], Any]):
             raise ValueError(f"reward: there are {' and '.join(SUCCESS_REWARD)}, not {reward!r}")
         if max_steps < 1:
             raise ValueError(f"max_steps: {max_steps} is no step; give 1 or more")
+        if not 16 <= image_size <= 4096:
+            raise ValueError(f"image_size: {image_size} pixels are none; give 16 to 4096")
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode: there is rgb_array, not {render_mode!r}")
         self.render_mode = render_mode
@@ -92,7 +92,7 @@ class LogisticsVlnEnv(gymnasium.Env[dict[str, Any], Any]):
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """The drone at the start of a task drawn by the seed, or of what `options` name: `task` (a name of the set, a
-        Task or a Sample) or `scene`, and a `request` of one's own."""
+        Task or a Sample) or `scene` (or its file), and a `request` of one's own."""
         super().reset(seed=seed)
         drawn = self._assignments[int(self.np_random.integers(len(self._assignments)))]
         chance = int(self.np_random.integers(2**31))
@@ -169,6 +169,6 @@ def observation_space(rig: Rig) -> spaces.Dict:
             "rgb": spaces.Box(0, 255, (views, height, width, 3), np.uint8),
             "depth": spaces.Box(0.0, FARTHEST_M, (views, height, width), np.float32),
             "pose": spaces.Box(-bound, bound, dtype=np.float64),
-            "instruction": spaces.Text(LONGEST_REQUEST, charset=_LETTERS),
+            "instruction": spaces.Text(LONGEST_REQUEST, charset=LETTERS),
         }
     )
