@@ -1,0 +1,132 @@
+"""Sightings to which no way leads, or not at once: from elsewhere, from another side, into a wall, into glass."""
+
+import math
+
+import pytest
+
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion
+from contracts.geometry import Box, Point3
+from contracts.orchestrator import MissionSettings
+from contracts.vlm_gateway import FindObjectAnswer, Match
+from mission.mission import Mission
+from mission.ports import Ports
+from tests.mission.block import Block
+from tests.mission.block_vehicle import BlockWorld
+from tests.mission.box_world import WHO, BlockVision, LocalDepthAssist, block_placement, block_ports
+from tests.mission.test_mission import BEHIND, PAPER, REQUEST, Events, fly
+
+
+async def test_a_match_on_another_floor_or_without_depth_is_rejected() -> None:
+    world = BlockWorld(Block(thing=(0.0, 500.0, 10.5)))
+    low = Box(x_min=0.45, y_min=0.85, x_max=0.55, y_max=0.95)
+    sky = Box(x_min=0.45, y_min=0.01, x_max=0.55, y_max=0.05)
+    matches = (Match(camera="front", box=low), Match(camera="left", box=sky))
+    said = FindObjectAnswer(role="recognition", found=True, matches=matches, **WHO)
+    log = Events()
+    result = await fly(world, vision=BlockVision(world, {"find_object": [said]}), log=log, max_exploration_steps=1)
+    assert result.outcome == "object_not_found"
+    reasons = [s.rejected for s in log.of("look")[0].data.sightings]
+    assert "not on the floor" in reasons[0]
+    assert reasons[1] == "no depth in its box"
+
+
+async def test_a_sighting_that_does_not_stand_up_is_dismissed_and_the_search_goes_on() -> None:
+    world = BlockWorld(BEHIND)
+    box = Box(x_min=0.4, y_min=0.45, x_max=0.5, y_max=0.55)
+    phantom = FindObjectAnswer(role="recognition", found=True, matches=(Match(camera="front", box=box),), **WHO)
+    log = Events()
+    result = await fly(world, vision=BlockVision(world, {"find_object": [phantom]}), log=log)
+    assert log.of("lost")
+    assert result.outcome == "delivered"
+
+
+class BlockedAtFirst(LocalDepthAssist):
+    """A depth assistant that sees no way in for the first `times` asked."""
+
+    def __init__(self, times: int) -> None:
+        self._left = times
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        self._left -= 1
+        if self._left >= 0:
+            return ApproachAnswer(status="blocked")
+        return await super().approach(question)
+
+
+@pytest.mark.parametrize(("times", "outcome"), [(1, "delivered"), (99, "blocked")])
+async def test_a_sighting_whose_way_is_not_free_is_tried_again_from_elsewhere(times: int, outcome: str) -> None:
+    world = BlockWorld(BEHIND)
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, BlockedAtFirst(times))
+    settings = MissionSettings(viewpoint=PAPER, max_exploration_steps=12)
+    result = await Mission(ports, block_placement(world), settings, log).fly(REQUEST)
+    assert result.outcome == outcome
+    tried = [e.data.pose for e in log.of("look") if e.data.accepted]
+    assert tried[0] != tried[1]
+
+
+class OnlyAsideAtFirst(LocalDepthAssist):
+    """A depth assistant that sees no way in for the first `times` asked, but one to the thing's other side."""
+
+    def __init__(self, times: int) -> None:
+        self._left = times
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        self._left -= 1
+        answer = await super().approach(question)
+        if self._left >= 0:
+            place = Point3(x=question.pose.x + 2.0, y=question.pose.y, z=question.pose.z)
+            return answer.model_copy(update={"status": "blocked", "path": (), "aside": (place,), "reached": False})
+        return answer
+
+
+@pytest.mark.parametrize(("times", "lost"), [(1, 0), (2, 0), (3, 1)])
+async def test_what_no_way_leads_to_is_looked_at_from_another_side_before_the_search_goes_on(
+    times: int, lost: int
+) -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, OnlyAsideAtFirst(times))
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    assert result.outcome == "delivered"
+    assert sum("another side" in e.message for e in log.of("move")) == min(times, 2)
+    assert [e.data.blocked for e in log.of("lost")][:1] == [True] * lost
+
+
+class ThroughTheWall(LocalDepthAssist):
+    """A depth assistant that leads into the building."""
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        inside = Point3(x=0.0, y=0.0, z=question.pose.z)
+        return (await super().approach(question)).model_copy(update={"path": (inside,), "status": "clear"})
+
+
+async def test_what_leads_into_a_wall_is_refused_by_the_flight_guard() -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, ThroughTheWall())
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    assert result.outcome == "blocked"
+    assert {e.data.reason for e in log.of("refused")} == {"clearance"}
+    assert not world.vehicles["e1"].collided
+    assert world.ended == ["e1"]
+
+
+class GlassBlock(Block):
+    """A pane stands before the facade that no depth camera sees."""
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        return min(super().distance(x, y, z), math.hypot(abs(y + 9.0), max(0.0, abs(x) - 8.0)))
+
+
+async def test_a_collision_ends_the_mission_at_once() -> None:
+    world = BlockWorld(GlassBlock())
+    log = Events()
+    result = await fly(world, log=log)
+    assert result.outcome == "collision"
+    assert "house" in result.message
+    assert log[-1].data.hit == "house"
+    assert world.ended == ["e1"]
