@@ -20,6 +20,7 @@ from typing import Literal, NamedTuple, Protocol, Self, TextIO, TypeVar
 from pydantic import ValidationError
 
 from contracts.base import Wire
+from contracts.errors import first_problem
 from contracts.event_data import EventData
 from contracts.events import Event, KnownEvent, MoveEvent, PlacedEvent, ResultEvent, new_event, read_event
 from contracts.geometry import Point3, Pose
@@ -144,14 +145,18 @@ def now() -> str:
     return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Either the whole file is there or nothing of it."""
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Either the whole file is there or nothing of it, on a full disk as well. Raises OSError."""
     part = path.with_name(path.name + ".part")
-    with part.open("w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    part.replace(path)
+    try:
+        with part.open("wb") as file:
+            file.write(content.encode("utf-8") if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
 
 
 def read_events(folder: Path) -> list[Event]:
@@ -232,11 +237,7 @@ def _read(folder: Path, name: str, kind: type[W]) -> W:
     except FileNotFoundError:
         raise BadRecord(f"{folder} is not the record of a delivery: it has no {name}") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise BadRecord(
-            f"{folder / name} is damaged or of another version: {f'{where}: ' if where else ''}{first['msg']}"
-        ) from None
+        raise BadRecord(f"{folder / name} is damaged or of another version: {first_problem(error)}") from None
 
 
 def read_question(folder: Path) -> DeliveryQuestion:

@@ -18,6 +18,7 @@ from evaluation.own_scenes.check import Problem
 from evaluation.own_scenes.starts import Start
 from evaluation.sim_client import SimClient
 from evaluation.task_set.shortest import goal_slot
+from mission.record import write_whole
 from service_kit.lettering import BOLD, draw_text, wrapped
 
 Image = NDArray[np.uint8]
@@ -54,7 +55,7 @@ def draw_preview(
     ok, data = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
     if not ok:
         raise OSError("the picture could not be encoded")
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())
 
 
 def plan_view(scene: Scene, starts: Sequence[Start]) -> Image:

@@ -17,6 +17,7 @@ from evaluation.sim_client import SimClient, SimulatorFault
 from evaluation.task_set.proof import NotSolvable, prove
 from evaluation.task_set.shortest import FIRST, SECOND, ShortestWay, goal_slot
 from evaluation.task_set.task import Task
+from mission.record import write_whole
 from service_kit.lettering import BOLD, draw_text, text_width, wrapped
 
 Image = NDArray[np.uint8]
@@ -40,7 +41,7 @@ def draw_task(task: Task, simulator: SimClient, path: Path) -> None:
     ok, data = cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR))
     if not ok:
         raise OSError("the picture could not be encoded")
-    path.write_bytes(data.tobytes())
+    write_whole(path, data.tobytes())
 
 
 def plan_view(task: Task, way: ShortestWay, side: int = _SIDE) -> Image:
