@@ -63,6 +63,7 @@ stop.append(
 let tracking = null,
   shut = null,
   busy = false,
+  heard = null,
   street = null,
   frame = null;
 
@@ -92,9 +93,7 @@ function outlookOf({ status, outcome, outlook: told, started, time }) {
 }
 
 function draw() {
-  const said = troubleOf();
-  say(trouble, said);
-  show(trouble, said !== "");
+  tellTrouble();
   if (shut) say(now, shut);
   if (!tracking || shut) return;
   say(request, `“${tracking.request}”`);
@@ -111,6 +110,12 @@ function draw() {
   show(map, !!tracking.drone || tracking.silent);
 }
 
+function tellTrouble() {
+  const said = troubleOf();
+  say(trouble, said);
+  show(trouble, said !== "");
+}
+
 /** What has to be known before the page is believed; empty where all is well. */
 function troubleOf() {
   if (connection.state !== "live")
@@ -118,13 +123,14 @@ function troubleOf() {
   if (busy) return "The server can't tell how it goes just now; trying again …";
   if (!silent()) return "";
   return drone.last
-    ? `The drone was last heard ${duration(drone.silence)} ago; its place is not live.`
+    ? `The drone was last heard at ${clockTime(heard)}; its place is not live.`
     : "The drone does not tell just now where it is.";
 }
 
 const silent = () => drone.stale || !!tracking?.silent;
 
 function animate() {
+  tellTrouble();
   const pose = drone.pose();
   sign.style.display = pose ? "" : "none";
   if (!pose) say(place, "");
@@ -156,8 +162,10 @@ const asking = poll(1000, async () => {
   try {
     tracking = await get(base);
     busy = false;
-    if (tracking.drone) drone.hear({ pose: tracking.drone.pose });
-    else if (!tracking.silent) drone.forget();
+    if (tracking.drone) {
+      heard = tracking.drone.time;
+      drone.hear({ pose: tracking.drone.pose });
+    } else if (!tracking.silent) drone.forget();
   } catch (error) {
     if (error.status === 404) shut = "This delivery is no longer kept.";
     else if (error.status === 401 || error.status === 403)

@@ -44,7 +44,7 @@ export function makeList(changed) {
   );
   const rows = el("ul", { class: "list" }),
     none = el("p", { class: "soft", hidden: true }),
-    first = el("a", { href: "#/order", class: "button for-operators", hidden: true }, "Order the first one");
+    first = el("a", { href: "#/order", class: "button for-operators", hidden: true }, "Start a first delivery");
   const more = el(
     "button",
     {

@@ -119,7 +119,7 @@ export function makeOrder() {
         : el(
             "p",
             { class: "fine" },
-            known === null ? "Nothing is open." : "Nothing is open, and the model has learnt to see such a thing.",
+            known === null ? "Nothing is open." : "Nothing is open, and the model can look for such a thing.",
           ),
     );
   }

@@ -19,12 +19,12 @@ const GLIDE_MS = 1100;
 
 export function makeStreets() {
   const grid = el("div", { class: "streets" }),
-    none = el("p", { class: "soft" }, "Nobody flies now.");
+    about = el("p", { class: "soft" });
   const node = el(
     "section",
     { class: "card", "aria-label": "Flights on their streets" },
     el("h2", {}, "In the air"),
-    none,
+    about,
     grid,
   );
   const plans = new Map(),
@@ -132,7 +132,7 @@ export function makeStreets() {
         groups.set(key, [...(groups.get(key) ?? []), flight]);
       }
       show(node, overview.vehicles.length > 0 || groups.size > 0);
-      none.hidden = groups.size > 0;
+      say(about, groups.size ? "Blue is the building that is delivered to, where the street is known." : "Nobody flies now.");
       keyed(
         grid,
         [...groups].map(([key, flights]) => ({ key, flights })),
