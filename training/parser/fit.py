@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from safetensors.torch import load_file
-from tokenizers import Tokenizer
 
 from training.parser.augment import Augmenter
+from training.parser.bases import MINILM, MPNET, Base, encoder_of, tokenizer_of
 from training.parser.examples import Example, batch_of, encode, losses
 from training.parser.net import Encoder, Reader
 from training.parser.rows import Row
@@ -21,13 +20,21 @@ BATCH_TOKENS = 1400
 
 
 class Plan(NamedTuple):
-    """`epochs` over all rows; `seed` of everything that chance decides."""
+    """`epochs` over all rows; `seed` of everything that chance decides; so many of the lowest layers are `frozen`, and
+    with them the embeddings and the table of relative positions. `average`: of the weights over steps."""
 
-    epochs: int = 14
-    encoder_rate: float = 1.2e-4
-    head_rate: float = 8e-4
+    epochs: int
+    encoder_rate: float
+    head_rate: float
+    average: float
+    frozen: int
     seed: int = 0
-    average: float = 0.998
+
+
+PLANS = {
+    MPNET: Plan(epochs=8, encoder_rate=7e-5, head_rate=6e-4, average=0.995, frozen=1),
+    MINILM: Plan(epochs=12, encoder_rate=1.2e-4, head_rate=8e-4, average=0.998, frozen=0),
+}
 
 
 class Epoch(NamedTuple):
@@ -43,31 +50,29 @@ class Epoch(NamedTuple):
         return f"{self.step}/{self.steps} steps, {self.seconds:.0f} s: {said}"
 
 
-def tokenizer_of(base: Path) -> Tokenizer:
-    tokenizer = Tokenizer.from_file(str(base / "tokenizer.json"))
-    tokenizer.no_padding()
-    tokenizer.no_truncation()
-    return tokenizer
+def freeze(encoder: Encoder, layers: int) -> None:
+    """Keeps the lowest layers as they are, and what lies under them."""
+    if layers:
+        for part in (encoder.position, encoder.relative, encoder.norm, *encoder.layers[:layers]):
+            if part is not None:
+                part.requires_grad_(False)
 
 
-def new_reader(base: Path) -> Reader:
-    encoder = Encoder()
-    encoder.load_bert(load_file(base / "model.safetensors"))
-    return Reader(encoder)
-
-
-def fit(rows: Sequence[Row], base: Path, plan: Plan, report: Callable[[Epoch], None]) -> Reader:
+def fit(rows: Sequence[Row], base: Base, home: Path, plan: Plan, report: Callable[[Epoch], None]) -> Reader:
     """The averaged weights of one training run."""
     torch.manual_seed(plan.seed)
     generator = np.random.default_rng(plan.seed)
-    tokenizer = tokenizer_of(base)
-    net = new_reader(base)
+    tokenizer = tokenizer_of(home)
+    net = Reader(encoder_of(base, home))
+    freeze(net.encoder, plan.frozen)
     averaged = deepcopy(net).eval()
     augmenter = Augmenter(rows, generator)
     encoder = [p for n, p in net.named_parameters() if n.startswith("encoder") and p.requires_grad]
     heads = [p for n, p in net.named_parameters() if not n.startswith("encoder")]
     optimiser = torch.optim.AdamW(
-        [{"params": encoder, "lr": plan.encoder_rate}, {"params": heads, "lr": plan.head_rate}], weight_decay=0.01
+        [{"params": encoder, "lr": plan.encoder_rate}, {"params": heads, "lr": plan.head_rate}],
+        weight_decay=0.01,
+        fused=True,
     )
     steps_an_epoch = max(1, round(len(rows) * 38 / BATCH_TOKENS))
     total = plan.epochs * steps_an_epoch

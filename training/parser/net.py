@@ -1,4 +1,4 @@
-"""The reader's network: a small BERT encoder, and heads for floors, objects, attributes and relations.
+"""The reader's networks: an encoder, MPNet's or BERT's, and heads for floors, objects, attributes and relations.
 
 Floors: each reading of the mentions (services.llm_parser.reader.floors) gets a score, and so does "none". Objects: each
 span of tokens gets a score, and so does "none"; a tagger says which further tokens belong to the object. Relations: a
@@ -6,6 +6,7 @@ span as the anchor, its side, and how many windows.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,9 +14,14 @@ from torch import Tensor, nn
 
 from services.llm_parser.reader.decode import SIDES
 from services.llm_parser.reader.floors import ONE_OPERATIONS, PAIR_OPERATIONS
+from services.llm_parser.reader.model import MOST_TOKENS
 
-HIDDEN = 384
 HEADS = 12
+LAYERS = 6
+"""So many of an encoder's, from below."""
+FIRST_POSITION = 2
+"""Row of MPNet's position table for a request's first token; those before it are of padding."""
+BUCKETS, FARTHEST = 32, 128
 SPAN_TOKENS = 24
 SPACE = 96
 MOST_COUNT = 5
@@ -37,20 +43,20 @@ class Dropout(nn.Module):
 
 
 class Layer(nn.Module):
-    """One BERT layer."""
+    """One transformer layer, normalised after each of its halves."""
 
-    def __init__(self, hidden: int, inner: int, dropout: float) -> None:
+    def __init__(self, hidden: int, inner: int, epsilon: float, dropout: float) -> None:
         super().__init__()
         self.qkv = nn.Linear(hidden, 3 * hidden)
         self.out = nn.Linear(hidden, hidden)
-        self.norm1 = nn.LayerNorm(hidden, eps=1e-12)
+        self.norm1 = nn.LayerNorm(hidden, eps=epsilon)
         self.up = nn.Linear(hidden, inner)
         self.down = nn.Linear(inner, hidden)
-        self.norm2 = nn.LayerNorm(hidden, eps=1e-12)
+        self.norm2 = nn.LayerNorm(hidden, eps=epsilon)
         self.drop = Dropout(dropout)
 
     def forward(self, x: Tensor, bias: Tensor) -> Tensor:
-        """x: (B, T, H); bias: (B, 1, 1, T), large and negative on padding."""
+        """x: (B, T, H); bias: (B, HEADS or 1, T or 1, T), added to the attention's scores."""
         b, t, h = x.shape
         q, k, v = self.qkv(x).view(b, t, 3, HEADS, h // HEADS).permute(2, 0, 3, 1, 4)
         weights = torch.softmax(q @ k.transpose(-1, -2) / math.sqrt(h // HEADS) + bias, dim=-1)
@@ -59,59 +65,64 @@ class Layer(nn.Module):
         return self.norm2(x + self.drop(self.down(nn.functional.gelu(self.up(x)))))
 
 
-class Encoder(nn.Module):
-    """BERT without its pooler; word embeddings are frozen."""
+def bucket(distance: Tensor) -> Tensor:
+    """Row of the table of relative positions for a token so far to the right of another: exact up to 7, then ever
+    coarser, apart for either side (Raffel et al. 2020, as MPNet numbers them)."""
+    half = BUCKETS // 2
+    exact = half // 2
+    far = distance.abs()
+    coarse = exact + torch.log(far.clamp(min=1) / exact) / math.log(FARTHEST / exact) * (half - exact)
+    return (distance > 0) * half + torch.where(far < exact, far, coarse.long().clamp(max=half - 1))
 
-    def __init__(self, layers: int = 6, vocabulary: int = 30522, hidden: int = HIDDEN, dropout: float = 0.1) -> None:
+
+class Size(NamedTuple):
+    """Words, values a token, values inside a layer; has attention a `relative` bias, by the distance of two tokens?
+    `epsilon` of the normalisations."""
+
+    vocabulary: int
+    hidden: int
+    inner: int
+    relative: bool
+    epsilon: float
+
+
+class Encoder(nn.Module):
+    """The embeddings and lowest layers of MPNet (Song et al. 2020) or BERT; word embeddings are frozen."""
+
+    def __init__(self, size: Size, dropout: float = 0.1) -> None:
         super().__init__()
-        self.word = nn.Embedding(vocabulary, hidden)
+        hidden = self.hidden = size.hidden
+        self.word = nn.Embedding(size.vocabulary, hidden)
         self.word.weight.requires_grad = False
-        self.position = nn.Embedding(512, hidden)
-        self.kind = nn.Parameter(torch.zeros(hidden))
-        self.norm = nn.LayerNorm(hidden, eps=1e-12)
-        self.layers = nn.ModuleList(Layer(hidden, 4 * hidden, dropout) for _ in range(layers))
+        self.position = nn.Embedding(MOST_TOKENS, hidden)
+        self.relative = nn.Embedding(BUCKETS, HEADS) if size.relative else None
+        self.norm = nn.LayerNorm(hidden, eps=size.epsilon)
+        self.layers = nn.ModuleList(Layer(hidden, size.inner, size.epsilon, dropout) for _ in range(LAYERS))
         self.drop = Dropout(dropout)
 
     def forward(self, ids: Tensor, mask: Tensor) -> Tensor:
         """ids, mask: (B, T) -> (B, T, H)."""
-        x = self.word(ids) + self.position(torch.arange(ids.shape[1], device=ids.device)) + self.kind
-        x = self.drop(self.norm(x))
+        return self.encoded(self.word(ids), mask)
+
+    def encoded(self, words: Tensor, mask: Tensor) -> Tensor:
+        """words: (B, T, H), their embeddings; mask: (B, T), 0 on padding -> (B, T, H)."""
+        places = torch.arange(words.shape[1], device=words.device)
+        x = self.drop(self.norm(words + self.position(places)))
         bias = (1.0 - mask[:, None, None, :].to(x.dtype)) * -1e4
+        if self.relative is not None:
+            bias = bias + self.relative(bucket(places[None, :] - places[:, None])).permute(2, 0, 1)[None]
         for layer in self.layers:
             x = layer(x, bias)
         return x
-
-    def load_bert(self, weights: dict[str, Tensor]) -> None:
-        """From a BERT checkpoint's tensors."""
-
-        def put(module: nn.Linear | nn.LayerNorm, name: str) -> None:
-            module.weight.data.copy_(weights[name + ".weight"])
-            module.bias.data.copy_(weights[name + ".bias"])
-
-        self.word.weight.data.copy_(weights["embeddings.word_embeddings.weight"])
-        self.position.weight.data.copy_(weights["embeddings.position_embeddings.weight"])
-        self.kind.data.copy_(weights["embeddings.token_type_embeddings.weight"][0])
-        put(self.norm, "embeddings.LayerNorm")
-        for number, layer in enumerate(self.layers):
-            assert isinstance(layer, Layer)
-            base = f"encoder.layer.{number}."
-            parts = [f"{base}attention.self.{p}" for p in ("query", "key", "value")]
-            layer.qkv.weight.data.copy_(torch.cat([weights[p + ".weight"] for p in parts]))
-            layer.qkv.bias.data.copy_(torch.cat([weights[p + ".bias"] for p in parts]))
-            put(layer.out, base + "attention.output.dense")
-            put(layer.norm1, base + "attention.output.LayerNorm")
-            put(layer.up, base + "intermediate.dense")
-            put(layer.down, base + "output.dense")
-            put(layer.norm2, base + "output.LayerNorm")
 
 
 class SpanHead(nn.Module):
     """Scores of all spans of at most SPAN_TOKENS tokens, and of "none"."""
 
-    def __init__(self) -> None:
+    def __init__(self, hidden: int) -> None:
         super().__init__()
-        self.start = nn.Linear(HIDDEN, SPACE + 1)
-        self.end = nn.Linear(HIDDEN, SPACE + 1)
+        self.start = nn.Linear(hidden, SPACE + 1)
+        self.end = nn.Linear(hidden, SPACE + 1)
         self.length = nn.Parameter(torch.zeros(SPAN_TOKENS))
 
     def forward(self, x: Tensor) -> Tensor:
@@ -131,14 +142,15 @@ class Reader(nn.Module):
 
     def __init__(self, encoder: Encoder) -> None:
         super().__init__()
+        hidden = encoder.hidden
         self.encoder = encoder
-        self.object = SpanHead()
-        self.anchor = SpanHead()
-        self.tagger = nn.Linear(HIDDEN, 1)
-        self.pool = nn.Linear(HIDDEN, 3)
-        self.none = nn.Sequential(nn.Linear(4 * HIDDEN, 128), nn.GELU(), nn.Linear(128, 3 + len(SIDES) + MOST_COUNT))
-        self.one = nn.Sequential(nn.Linear(2 * HIDDEN, 192), nn.GELU(), nn.Linear(192, len(ONE_OPERATIONS)))
-        self.pair = nn.Sequential(nn.Linear(3 * HIDDEN, 192), nn.GELU(), nn.Linear(192, len(PAIR_OPERATIONS)))
+        self.object = SpanHead(hidden)
+        self.anchor = SpanHead(hidden)
+        self.tagger = nn.Linear(hidden, 1)
+        self.pool = nn.Linear(hidden, 3)
+        self.none = nn.Sequential(nn.Linear(4 * hidden, 128), nn.GELU(), nn.Linear(128, 3 + len(SIDES) + MOST_COUNT))
+        self.one = nn.Sequential(nn.Linear(2 * hidden, 192), nn.GELU(), nn.Linear(192, len(ONE_OPERATIONS)))
+        self.pair = nn.Sequential(nn.Linear(3 * hidden, 192), nn.GELU(), nn.Linear(192, len(PAIR_OPERATIONS)))
 
     def whole(self, x: Tensor, mask: Tensor) -> Tensor:
         """(B, 3 + sides + counts): "no floor", "no object", "no relation", then the relation's side and count."""

@@ -1,7 +1,7 @@
 """The shipped network: tokens in, scores out, by ONNX Runtime on one thread; nothing is fetched.
 
-Its folder holds `reader.onnx` (the encoder in eight-bit integers, per channel, and the heads), `words.npz` (the word
-embeddings: int8, one scale a word), `tokenizer.json` and `about.json`.
+Its folder holds `reader.onnx.zst` (the encoders in eight-bit integers, per channel, and the heads), `words.npz` (the
+word embeddings in four bits: services.llm_parser.reader.words), `tokenizer.json` and `about.json`.
 """
 
 import math
@@ -10,12 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 import onnxruntime
+import zstandard
 from numpy.typing import NDArray
 from pydantic import BaseModel
 from tokenizers import Tokenizer
 
 from services.llm_parser.reader.decode import Scores, Tokens
 from services.llm_parser.reader.mentions import Mention
+from services.llm_parser.reader.words import Words
 
 MOST_TOKENS = 384
 """A longer request is read as far as this, and said to be too long."""
@@ -84,7 +86,7 @@ class ReaderModel:
     def __init__(self, folder: Path) -> None:
         """Raises FileNotFoundError where the weights are not there."""
         missing = [
-            n for n in ("reader.onnx", "words.npz", "tokenizer.json", "about.json") if not (folder / n).is_file()
+            n for n in ("reader.onnx.zst", "words.npz", "tokenizer.json", "about.json") if not (folder / n).is_file()
         ]
         if missing:
             raise FileNotFoundError(f"the reader's weights are not complete: {', '.join(missing)} missing in {folder}")
@@ -95,14 +97,14 @@ class ReaderModel:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         self._session = onnxruntime.InferenceSession(
-            str(folder / "reader.onnx"), options, providers=["CPUExecutionProvider"]
+            zstandard.decompress((folder / "reader.onnx.zst").read_bytes()),
+            options,
+            providers=["CPUExecutionProvider"],
         )
-        with np.load(folder / "words.npz") as words:
-            self._words: NDArray[np.int8] = words["words"]
-            self._scales: NDArray[np.float32] = words["scales"]
+        self._words = Words.load(folder / "words.npz")
 
     def scores(self, encoded: Encoded) -> Scores:
-        embedded = self._words[encoded.ids].astype(np.float32) * self._scales[encoded.ids][:, None]
+        embedded = self._words.rows(encoded.ids)
         mentions = encoded.averaging if len(encoded.averaging) else np.zeros((1, len(encoded.ids)), np.float32)
         found = self._session.run(None, {"embedded": embedded[None], "averaging": mentions[None]})
         return Scores(*(part[0] for part in found))
