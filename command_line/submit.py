@@ -8,13 +8,14 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from command_line.bench_setup import gateway_settings, one_core_each
+from command_line.bench_setup import gateway_settings, one_core_each, versions
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, interruptible, stop
 from evaluation.bench.folder import BadFolder
 from evaluation.bench.run import CannotRun
@@ -60,7 +61,15 @@ def submit(
         stop(f"{run} does not hold what it claims", FAILED)
     wrong = sum(flight.ending != "same" for flight in replayed)
     if wrong:
-        stop(f"{wrong} of {len(replayed)} flights are not what {run} claims, or could not be flown again", FAILED)
+        why = other_versions(submission.settings.versions, versions())
+        told = f"; which may be why: it was flown with {why}" if why else ""
+        stop(f"{wrong} of {len(replayed)} flights are not what {run} claims, or could not be flown again{told}", FAILED)
+
+
+def other_versions(flown: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """What a run was flown with that is otherwise here; empty where all is the same."""
+    other = [name for name in sorted({*flown, *here}) if flown.get(name) != here.get(name)]
+    return ", ".join(f"{name} {flown.get(name, 'none')[:10]} (here {here.get(name, 'none')[:10]})" for name in other)
 
 
 def leaderboard_row(run: Submission) -> tuple[str, ...]:

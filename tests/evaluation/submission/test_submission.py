@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from command_line import submit as submit_command
 from command_line.main import app
+from command_line.submit import other_versions
 from evaluation.bench.folder import BadFolder, RunFolder, read_records, read_settings
 from evaluation.bench.run import Run
 from evaluation.bench.worker import Job, Order
@@ -67,6 +68,13 @@ def test_a_run_as_it_was_flown_holds_what_it_claims(made_up: Path) -> None:
     assert "ok   task set: vld-300, 12 of 300 tasks" in told.output
     assert "not flown again: add --check" in told.output
     assert f"| {digest(read_records(made_up))[:16]} |" in told.output
+
+
+def test_what_a_run_was_flown_with_is_told_where_it_is_otherwise_here() -> None:
+    flown = {"python": "3.11.7", "commit": "d1bbe27a295d160f", "numpy": "2.3.1"}
+    assert other_versions(flown, flown) == ""
+    told = other_versions(flown, {"python": "3.11.7", "commit": "a0613d1fffffffff", "pybullet": "3.2.7"})
+    assert told == "commit d1bbe27a29 (here a0613d1fff), numpy 2.3.1 (here none), pybullet none (here 3.2.7)"
 
 
 def test_the_digest_knows_nothing_of_clocks_and_order_and_all_of_outcomes() -> None:
