@@ -67,7 +67,7 @@ def test_cameras_that_send_no_picture_are_taken_away_again(tmp_path: Path, launc
 
 
 def test_a_server_that_falls_silent_is_unavailable_and_may_come_back(own_double: DoubleProcess, launch: Launch) -> None:
-    http = launch(own_double.port, timeout_s=3.0)
+    http = launch(own_double.port, timeout_s=8.0)
     episode = begun(http)
     own_double.pause()
     answer = http.get(f"/v1/episodes/{episode.id}/observation")
@@ -80,7 +80,7 @@ def test_a_server_that_falls_silent_is_unavailable_and_may_come_back(own_double:
 
 
 def test_a_server_that_was_killed_is_flown_in_again_once_it_is_back(own_double: DoubleProcess, launch: Launch) -> None:
-    http = launch(own_double.port, timeout_s=3.0)
+    http = launch(own_double.port, timeout_s=8.0)
     episode = begun(http)
     own_double.kill()
     moved = http.put(f"/v1/episodes/{episode.id}/moves/1", json={"path": [{"x": 0.0, "y": -15.0, "z": 4.0}]})
