@@ -141,7 +141,9 @@ class Drone:
         self.set_points.aim(place)
         await self._until(lambda: False, STREAM_FIRST_S)
         for attempt in range(TRIES):
-            self.control.expect("offboard", self.telemetry.mode)
+            mode = self.telemetry.mode
+            # a take-off that is over meanwhile ends in holding, by itself
+            self.control.expect("offboard", mode, *(("hold",) if mode == "takeoff" else ()))
             try:
                 await self.link.take_set_points()
                 break

@@ -77,7 +77,7 @@ async def client() -> AsyncIterator[Callable[[str], ServiceClient]]:
 async def standing(client: ServiceClient) -> HttpVehicle:
     """The vehicle at that address, once it says that it is ready."""
     vehicle = HttpVehicle(client, "vehicle", "/v1/vehicle")
-    async with asyncio.timeout(60):
+    async with asyncio.timeout(120):
         while True:
             with suppress(ServiceUnreachable):  # it has not said yet where it is
                 if (await vehicle.state()).health.ok:

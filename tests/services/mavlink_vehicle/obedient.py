@@ -22,18 +22,20 @@ BODY = Body(0.3, 0.3, 0.2)
 
 class ObedientLink:
     """`refusals`: so often it still refuses to arm. `short_m`: so much lower than it was told a take-off ends.
-    `disarms`: its motors rest by themselves once it stands."""
+    `disarms`: its motors rest by themselves once it stands. `late`: so often it does not take set-points yet; its
+    take-off ends meanwhile, and it holds."""
 
     firmware: Firmware = "px4"
     found = True
     silence = "it says nothing"
 
-    def __init__(self, refusals: int = 0, short_m: float = 0.0, *, disarms: bool = True) -> None:
+    def __init__(self, refusals: int = 0, short_m: float = 0.0, *, disarms: bool = True, late: int = 0) -> None:
         self.telemetry = Telemetry(missing=(), armable=True, landed=True)
         self.place = Enu(3.0, -2.0, 0.4, 1.0)
         self.refusals = refusals
         self.short_m = short_m
         self.disarms = disarms
+        self.late = late
         self._rises_to_m: float | None = None
         self._told("hold")
 
@@ -58,6 +60,10 @@ class ObedientLink:
         self._told("takeoff")
 
     async def take_set_points(self) -> None:
+        if self.late > 0:
+            self.late -= 1
+            asyncio.get_running_loop().call_later(0.25, self._told, "hold")
+            raise CommandRefused("the autopilot refuses to take set-points")
         self._rises_to_m = None
         self._told("offboard")
 

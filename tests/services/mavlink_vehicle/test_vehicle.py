@@ -44,6 +44,11 @@ async def test_an_autopilot_that_refuses_to_arm_for_a_while_is_asked_again() -> 
         assert (await vehicle.take_off(2.0)).mode == "holding"
 
 
+async def test_a_take_off_that_is_over_before_set_points_are_taken_is_nobodys_hand() -> None:
+    async with flying(ObedientLink(late=1)) as vehicle:
+        assert (await vehicle.take_off(2.0)).mode == "holding"
+
+
 async def test_an_autopilot_that_never_arms_is_told_in_its_own_words() -> None:
     async with flying(ObedientLink(refusals=99), arms_within_s=0.3) as vehicle:
         with pytest.raises(Unavailable, match="gyros still settling"):
