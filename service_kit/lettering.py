@@ -1,6 +1,12 @@
-"""Text in pictures for people, in the fonts that OpenCV 5 brings along: Latin, Cyrillic, Greek, Chinese and more."""
+"""Text in pictures for people, in the fonts that OpenCV 5 brings along: Latin, Cyrillic, Greek, Chinese and more.
+
+OpenCV reads a font (6 MB) for each thread that writes with it, and keeps it as long as the thread lives. So one thread
+does all the writing.
+"""
 
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import cv2
 import numpy as np
@@ -27,17 +33,12 @@ def draw_text(
 ) -> None:
     """Writes one line into `picture`, its baseline beginning at `at` (x, y); what does not fit is cut off. `size_px` is
     the font's size, `outline` a colour drawn round the letters, for text on a photograph."""
-    line = one_line(text)
-    if outline is not None:
-        for x, y in _around(at, max(1, round(_OUTLINE_SHARE * size_px))):
-            _put(picture, line, (x, y), size_px, outline, weight)
-    _put(picture, line, at, size_px, colour, weight)
+    _writer().submit(_draw, picture, one_line(text), at, size_px, colour, weight, outline).result()
 
 
 def text_width(text: str, size_px: float, *, weight: int = REGULAR) -> int:
     """How many pixels wide the line is."""
-    x, _, width, _ = cv2.getTextSize((0, 0), one_line(text), (0, 0), _font(), _whole(size_px), weight, wrap=_NO_WRAP)
-    return int(x + width)
+    return _writer().submit(_width, one_line(text), size_px, weight).result()
 
 
 def wrapped(text: str, width_px: int, size_px: float) -> list[str]:
@@ -57,9 +58,34 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
+@cache
+def _writer() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(1, thread_name_prefix="lettering")
+
+
+@cache
 def _font() -> cv2.FontFace:
-    # one for each call: a font face keeps a state while it draws, and pictures are drawn in threads
     return cv2.FontFace("sans")
+
+
+def _width(line: str, size_px: float, weight: int) -> int:
+    x, _, width, _ = cv2.getTextSize((0, 0), line, (0, 0), _font(), _whole(size_px), weight, wrap=_NO_WRAP)
+    return int(x + width)
+
+
+def _draw(
+    picture: Picture,
+    line: str,
+    at: tuple[int, int],
+    size_px: float,
+    colour: Colour,
+    weight: int,
+    outline: Colour | None,
+) -> None:
+    if outline is not None:
+        for x, y in _around(at, max(1, round(_OUTLINE_SHARE * size_px))):
+            _put(picture, line, (x, y), size_px, outline, weight)
+    _put(picture, line, at, size_px, colour, weight)
 
 
 def _put(picture: Picture, text: str, at: tuple[int, int], size_px: float, colour: Colour, weight: int) -> None:

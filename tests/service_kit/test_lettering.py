@@ -1,5 +1,8 @@
 """Text in pictures: the letters of those who order, where they were asked for."""
 
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -60,3 +63,19 @@ def test_an_outline_makes_text_readable_on_anything() -> None:
     sheet = np.full((90, 300, 3), 255, np.uint8)
     draw_text(sheet, "weiß", (20, 60), 32, (255, 255, 255), outline=INK)
     assert (sheet.min(axis=2) < 128).any()
+
+
+def test_threads_that_write_share_the_fonts() -> None:
+    def resident_mb() -> float:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6
+
+    drawn("warm")
+    threads = [ThreadPoolExecutor(1) for _ in range(8)]
+    before = resident_mb()
+    try:
+        for thread in threads:
+            thread.submit(drawn, "Grüße").result()
+        assert resident_mb() - before < 12, "each thread that has fonts of its own takes 6 MB"
+    finally:
+        for thread in threads:
+            thread.shutdown()
