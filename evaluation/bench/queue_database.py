@@ -33,6 +33,11 @@ class BadDatabase(ValueError):
     """A database that can't be used; the message says why, without its password."""
 
 
+def reason_of(error: SQLAlchemyError) -> str:
+    """What the database says, in one line and without the statement."""
+    return str(getattr(error, "orig", error)).strip().splitlines()[0]
+
+
 def program_of(versions: Mapping[str, str]) -> str:
     """A short name of a program, by the versions of everything that may change a result: a run is flown by workers of
     the same one."""
@@ -61,8 +66,7 @@ class QueueDatabase:
             DBOS.migrate(parsed.set(drivername="postgresql").render_as_string(hide_password=False))
         except SQLAlchemyError as error:
             self.close()
-            reason = str(getattr(error, "orig", error)).strip().splitlines()[0]
-            raise BadDatabase(f"{parsed.render_as_string(hide_password=True)}: {reason}") from None
+            raise BadDatabase(f"{parsed.render_as_string(hide_password=True)}: {reason_of(error)}") from None
 
     def close(self) -> None:
         self.engine.dispose()
@@ -96,8 +100,8 @@ class WorkerRoll:
         with self._engine.begin() as c:
             c.execute(_workers.delete().where(_workers.c.name.in_(names)))
 
-    def count(self, program: str, heard_within_s: float = LOST_AFTER_S) -> int:
+    def count(self, program: str) -> int:
         """How many workers of that program live."""
-        alive = (_workers.c.program == program, _workers.c.seen >= time.time() - heard_within_s)
+        alive = (_workers.c.program == program, _workers.c.seen >= time.time() - LOST_AFTER_S)
         with self._engine.connect() as c:
             return int(c.execute(sa.select(sa.func.count()).select_from(_workers).where(*alive)).scalar_one())

@@ -25,6 +25,7 @@ from evaluation.bench.queue_database import (
     BadDatabase,
     QueueDatabase,
     WorkerRoll,
+    reason_of,
 )
 from evaluation.bench.run import MAX_BROKEN_IN_A_ROW, CannotRun
 from evaluation.bench.worker import Job, Order
@@ -130,7 +131,7 @@ class QueueWorker:
             try:
                 await asyncio.to_thread(self._look_round)
             except SQLAlchemyError as error:
-                self._tell(f"the database does not answer: {str(getattr(error, 'orig', error)).splitlines()[0]}")
+                self._tell(f"the database does not answer: {reason_of(error)}")
 
     def _look_round(self) -> None:
         program = self._post.program

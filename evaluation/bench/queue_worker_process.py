@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 import signal
 import sys
 import time
@@ -11,6 +10,7 @@ from pathlib import Path
 
 from evaluation.bench.queue_worker import Post
 from evaluation.bench.run import CannotRun
+from evaluation.bench.worker_pool import ended
 
 STOP_S = 40.0
 RESTART_S = 1.0
@@ -60,16 +60,7 @@ async def _lived(post: Post, tell: Tell) -> int:
         return await process.wait()
     finally:
         process.stdin.close()
-        await asyncio.shield(_ended(process))
-
-
-async def _ended(process: asyncio.subprocess.Process) -> None:
-    try:
-        await asyncio.wait_for(process.wait(), STOP_S)
-    except TimeoutError:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        await process.wait()
+        await asyncio.shield(ended(process, STOP_S))
 
 
 def _log(post: Post) -> Path:

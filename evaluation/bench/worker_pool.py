@@ -97,12 +97,17 @@ class WorkerProcess:
             return
         if process.stdin is not None:
             process.stdin.close()
-        try:
-            await asyncio.wait_for(process.wait(), STOP_S)
-        except TimeoutError:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-            await process.wait()
+        await ended(process, STOP_S)
+
+
+async def ended(process: asyncio.subprocess.Process, within_s: float) -> None:
+    """Waits for a process that was told to end; after that time it and its session are killed."""
+    try:
+        await asyncio.wait_for(process.wait(), within_s)
+    except TimeoutError:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        await process.wait()
 
 
 class FlyingProcess(WorkerProcess):
