@@ -8,7 +8,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 
 from contracts.access import CustomerLink, Role, Session, SessionQuestion
 from orchestrator.access import ASSETS, CUSTOMER_COOKIE, CUSTOMERS_PAGES, SESSION_COOKIE, Access
-from orchestrator.pages import Pages
+from orchestrator.pages import asset, page
 from service_kit.auth import access_of, bearer_token
 from service_kit.errors import NotFound, Unauthorised, error_answers
 
@@ -19,25 +19,24 @@ LINK_S = 90 * 24 * 3600
 
 def add_access_routes(app: FastAPI, access: Access, known: Callable[[str], Awaitable[None]]) -> None:
     """`/`, `/login`, `/c/...`, `/v1/session` and links. `known` raises NotFound for a delivery that there is not."""
-    pages = Pages()
 
     @app.get(f"{ASSETS}{{file}}", tags=["viewer"], response_class=Response, responses=error_answers(NotFound))
-    async def asset(file: str, request: Request) -> Response:
+    async def get_asset(file: str, request: Request) -> Response:
         """A script, a style or an icon of the pages. Nothing of a delivery is in them, so that everybody may have
         them."""
-        return pages.asset(file, request.headers.get("if-none-match"))
+        return asset(file, request.headers.get("if-none-match"))
 
     @app.get("/", tags=["viewer"], response_class=HTMLResponse)
     async def viewer(request: Request) -> Response:
         """The viewer: nothing from elsewhere. Whoever is not known yet is sent to `/login`."""
         if access_of(request.scope) == "missing_token":
             return RedirectResponse("/login", 303)
-        return pages.page("viewer")
+        return page("viewer")
 
     @app.get("/login", tags=["viewer"], response_class=HTMLResponse)
     async def login() -> Response:
         """Asks for a token."""
-        return pages.page("login")
+        return page("login")
 
     @app.get("/v1/session", tags=["access"])
     async def get_session(request: Request) -> Session:
@@ -71,8 +70,8 @@ def add_access_routes(app: FastAPI, access: Access, known: Callable[[str], Await
         """One delivery, for its customer."""
         delivery_id = access.delivery_of(link)
         if delivery_id is None:
-            return pages.page("no-such-link", 404)
-        answer = pages.page("customer")
+            return page("no-such-link", 404)
+        answer = page("customer")
         _set(answer, request, CUSTOMER_COOKIE, link, f"/v1/deliveries/{delivery_id}", LINK_S)
         return answer
 

@@ -21,6 +21,7 @@ from orchestrator.access_routes import add_access_routes
 from orchestrator.assembly import Orchestrator
 from orchestrator.beside import beside
 from orchestrator.overview_routes import add_overview_routes
+from orchestrator.shared_answers import PING_S, LastEventId, file_answer, number_after, step_stream
 from orchestrator.store.upkeep import Page
 from service_kit.app import Check, create_app
 from service_kit.errors import Conflict, NotFound, TooMany, error_answers, error_response
@@ -28,7 +29,6 @@ from service_kit.errors import Conflict, NotFound, TooMany, error_answers, error
 log = logging.getLogger("orchestrator.app")
 
 MAX_BODY_BYTES = 4 * 1024 * 1024
-PING_S = 10
 _NOT_FOUND = error_answers(NotFound)
 _WHILE_LIVE = error_answers(Conflict, NotFound, TooMany)
 
@@ -109,24 +109,19 @@ def build_app(
     )
     async def get_events(
         delivery_id: str,
-        last_event_id: Annotated[str | None, Header(max_length=20)] = None,
+        last_event_id: LastEventId = None,
         drone: Annotated[bool, Query(description="twice a second, where the drone is (`drone`: DroneSeen)")] = False,
     ) -> EventSourceResponse:
         """Server-sent events: `id` is the event's number, `data` the event. `Last-Event-ID` goes on after that one.
         The stream ends with the event of kind `result`."""
         await deliveries.get(delivery_id)
-        after = int(last_event_id) if last_event_id and last_event_id.isdecimal() else 0
-
-        async def steps() -> AsyncIterator[ServerSentEvent]:
-            async for event in deliveries.events(delivery_id, after):
-                yield ServerSentEvent(data=event.model_dump_json(), id=str(event.number), event="step")
-            yield ServerSentEvent(data="{}", event="end")
+        steps = step_stream(deliveries.events(delivery_id, number_after(last_event_id)))
 
         async def drones() -> AsyncIterator[ServerSentEvent]:
             async for seen in orchestrator.overlook.telemetry.samples(delivery_id):
                 yield ServerSentEvent(data=seen.model_dump_json(), event="drone")
 
-        return EventSourceResponse(beside(steps(), drones()) if drone else steps(), ping=PING_S)
+        return EventSourceResponse(beside(steps, drones()) if drone else steps, ping=PING_S)
 
     @app.get(
         "/v1/deliveries/{delivery_id}/files/{file}",
@@ -136,8 +131,7 @@ def build_app(
     )
     async def get_file(delivery_id: str, file: str) -> FileResponse:
         """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
-        path = await deliveries.picture(delivery_id, file)
-        return FileResponse(path, headers={"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"})
+        return file_answer(await deliveries.picture(delivery_id, file))
 
     @app.get("/v1/vehicles", tags=["fleet"])
     async def list_vehicles() -> FleetList:

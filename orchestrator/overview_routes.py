@@ -1,16 +1,12 @@
 """What the pages ask beside the deliveries: the overview, the drones, the streets, the order form."""
 
-from typing import Annotated
-
-from fastapi import FastAPI, Query
+from fastapi import FastAPI
 from fastapi.responses import FileResponse
 
-from contracts.base import Name
-from contracts.orchestrator import DeliveryStatus, OutcomeName
 from contracts.overview import DroneSeen, OrderOptions, Overview, Reading, ReadingQuestion, StreetPlan, Tracking
 from orchestrator.order_form import OrderForm
 from orchestrator.overview import Overlook
-from orchestrator.store.lines import Chosen
+from orchestrator.shared_answers import ChosenLines, file_answer
 from service_kit.errors import BadQuestion, NotFound, Unavailable, error_answers
 
 _NOT_FOUND = error_answers(NotFound)
@@ -20,15 +16,9 @@ def add_overview_routes(app: FastAPI, overlook: Overlook, form: OrderForm) -> No
     """Nothing here changes a delivery."""
 
     @app.get("/v1/overview", tags=["viewer"], responses=_NOT_FOUND)
-    async def get_overview(
-        status: DeliveryStatus | None = None,
-        outcome: OutcomeName | None = None,
-        text: Annotated[str | None, Query(max_length=200)] = None,
-        before: Name | None = None,
-        limit: Annotated[int, Query(ge=1, le=1000)] = 200,
-    ) -> Overview:
+    async def get_overview(chosen: ChosenLines) -> Overview:
         """Everything at a glance: counts, the newest deliveries of that status, outcome or text, drones, vehicles."""
-        return await overlook.overview(Chosen(limit, status, outcome, text, before))
+        return await overlook.overview(chosen)
 
     @app.get("/v1/deliveries/{delivery_id}/drone", tags=["viewer"], responses=error_answers(NotFound, Unavailable))
     async def get_drone(delivery_id: str) -> DroneSeen:
@@ -58,8 +48,7 @@ def add_overview_routes(app: FastAPI, overlook: Overlook, form: OrderForm) -> No
     )
     async def get_customers_picture(delivery_id: str) -> FileResponse:
         """The picture of the stop."""
-        headers = {"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"}
-        return FileResponse(await overlook.picture(delivery_id), headers=headers)
+        return file_answer(await overlook.picture(delivery_id))
 
     @app.get("/v1/order-options", tags=["viewer"])
     async def get_options() -> OrderOptions:

@@ -40,21 +40,19 @@ class Asset(NamedTuple):
     tag: str
 
 
-class Pages:
-    """What browsers are given, read once."""
+def page(name: PageName, status: int = 200) -> HTMLResponse:
+    return HTMLResponse((FOLDER / f"{name}.html").read_text(encoding="utf-8"), status, headers=PAGE_HEADERS)
 
-    def page(self, name: PageName, status: int = 200) -> HTMLResponse:
-        return HTMLResponse((FOLDER / f"{name}.html").read_text(encoding="utf-8"), status, headers=PAGE_HEADERS)
 
-    def asset(self, file: str, known: str | None) -> Response:
-        """Without its content where the browser has this very one (`known`: its ETag). Raises NotFound."""
-        found = assets().get(file)
-        if found is None:
-            raise NotFound("the pages have no such file")
-        headers = {"etag": found.tag, "cache-control": "no-cache", "x-content-type-options": "nosniff"}
-        if known == found.tag:
-            return Response(status_code=304, headers=headers)
-        return Response(found.data, media_type=found.kind, headers=headers)
+def asset(file: str, known: str | None) -> Response:
+    """Without its content where the browser has this very one (`known`: its ETag). Raises NotFound."""
+    found = assets().get(file)
+    if found is None:
+        raise NotFound("the pages have no such file")
+    headers = {"etag": found.tag, "cache-control": "no-cache", "x-content-type-options": "nosniff"}
+    if known == found.tag:
+        return Response(status_code=304, headers=headers)
+    return Response(found.data, media_type=found.kind, headers=headers)
 
 
 @cache
