@@ -16,8 +16,6 @@ from orchestrator.watch import Watch
 
 log = logging.getLogger("orchestrator.carrier")
 
-GIVES_WAY_S = 0.5
-"""So long a step on the ground waits while deliveries come in."""
 TROUBLE_PAUSE_S = 2.0
 """After that a step is done again for which the database or the record's folder was away."""
 
@@ -44,7 +42,7 @@ class Carrier:
         try:
             turn = self._turns.get(name) or await self._take_up(name, number)
             if turn is not None and turn.on_the_ground:
-                await self._intake.let_pass(GIVES_WAY_S)
+                await self._intake.let_pass()
             if turn is not None and await turn.step():
                 return True
         except Superseded:

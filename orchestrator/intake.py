@@ -11,6 +11,8 @@ from sqlalchemy.exc import DBAPIError, OperationalError
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
 
 GROUP = 200
+GIVES_WAY_S = 0.5
+"""So long work that can wait gives way to deliveries that come in."""
 QUIET_S = 0.05
 """So long after the last post the next one may belong to the same burst."""
 
@@ -33,7 +35,7 @@ class Intake:
         self._writing: asyncio.Task[None] | None = None
         self._quiet_from = 0.0
 
-    async def let_pass(self, within_s: float) -> None:
+    async def let_pass(self, within_s: float = GIVES_WAY_S) -> None:
         """Returns when nothing comes in just now, or after that time: for work that can wait."""
         for _ in range(round(within_s / QUIET_S)):
             writing = self._writing is not None and not self._writing.done()

@@ -17,8 +17,6 @@ log = logging.getLogger("orchestrator.keeper")
 
 QUEUE_EVERY_S = 0.5
 BATCH = 20
-GIVES_WAY_S = 0.5
-"""So long a batch waits while deliveries come in."""
 END_EVERY_S = 1.0
 BEATS = 5
 """So many signs of life in the time after which a process counts as dead."""
@@ -89,7 +87,7 @@ class Keeper:
             await asyncio.sleep(seconds)
 
     async def _queue_due(self) -> None:
-        await self._intake.let_pass(GIVES_WAY_S)
+        await self._intake.let_pass()
         turns = await asyncio.to_thread(self._store.due, BATCH)
         if turns:
             await self._engine.queue(turns)

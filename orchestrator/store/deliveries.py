@@ -158,11 +158,6 @@ class DeliveryStore:
             order = (deliveries.c.priority.desc(), deliveries.c.created)
             return [stored_delivery(row) for row in c.execute(chosen.order_by(*order).limit(limit))]
 
-    def next_due(self) -> float | None:
-        with self._engine.connect() as c:
-            found = c.execute(sa.select(sa.func.min(deliveries.c.due))).scalar()
-            return None if found is None else float(found)
-
     def take_up(self, name: str, turn: int, executor: str) -> StoredDelivery | None:
         """The delivery for whoever carries it on from now; null where that turn is over."""
         with self._engine.begin() as c:

@@ -4,28 +4,13 @@ import json
 import time
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import sqlalchemy as sa
 
 from contracts.orchestrator import DeliveryStatus, OutcomeName
 from orchestrator.store.tables import deliveries, events
 
-_SHOWN = (
-    "id",
-    "status",
-    "phase",
-    "request",
-    "scene",
-    "created",
-    "started",
-    "ended",
-    "priority",
-    "vehicle",
-    "flights",
-    "open_question",
-    "result",
-)
 REMEMBERED = 100
 """By so many earlier deliveries it is told how long one takes."""
 
@@ -59,6 +44,15 @@ class StoredLine(NamedTuple):
     result: str | None
 
 
+def newest_first(query: "sa.Select[Any]", before: str | None, limit: int) -> "sa.Select[Any]":
+    """A page of a query over deliveries: so many of those that are older than the delivery `before`."""
+    c = deliveries.c
+    if before is not None:
+        last = sa.select(c.created).where(c.id == before).scalar_subquery()
+        query = query.where(sa.or_(c.created < last, sa.and_(c.created == last, c.id < before)))
+    return query.order_by(c.created.desc(), c.id.desc()).limit(limit)
+
+
 class LineStore:
     """Over the deliveries of one database."""
 
@@ -68,7 +62,7 @@ class LineStore:
     def lines(self, chosen: Chosen) -> list[StoredLine]:
         """The newest first."""
         c = deliveries.c
-        query = sa.select(*(c[name] for name in _SHOWN))
+        query = sa.select(*(c[name] for name in StoredLine._fields))
         if chosen.status is not None:
             query = query.where(c.status == chosen.status)
         if chosen.outcome is not None:
@@ -76,11 +70,8 @@ class LineStore:
         if chosen.text:
             contains = (column.icontains(chosen.text, autoescape=True) for column in (c.request, c.id))
             query = query.where(sa.or_(*contains))
-        if chosen.before is not None:
-            last = sa.select(c.created).where(c.id == chosen.before).scalar_subquery()
-            query = query.where(sa.or_(c.created < last, sa.and_(c.created == last, c.id < chosen.before)))
         with self._engine.connect() as connection:
-            rows = connection.execute(query.order_by(c.created.desc(), c.id.desc()).limit(chosen.limit))
+            rows = connection.execute(newest_first(query, chosen.before, chosen.limit))
             return [StoredLine(*row) for row in rows]
 
     def counts(self) -> dict[DeliveryStatus, int]:

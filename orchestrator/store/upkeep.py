@@ -8,6 +8,7 @@ import sqlalchemy as sa
 
 from contracts.orchestrator import DeliveryStatus
 from orchestrator.store.deliveries import StoredDelivery, stored_delivery
+from orchestrator.store.lines import newest_first
 from orchestrator.store.tables import deliveries, events
 
 TOLD_WITHIN_S = 86_400.0
@@ -41,11 +42,8 @@ class UpkeepStore:
             chosen = chosen.where(c.created >= page.since)
         if page.text:
             chosen = chosen.where(c.request.icontains(page.text, autoescape=True))
-        if page.before is not None:
-            last = sa.select(c.created).where(c.id == page.before).scalar_subquery()
-            chosen = chosen.where(sa.or_(c.created < last, sa.and_(c.created == last, c.id < page.before)))
         with self._engine.connect() as connection:
-            rows = connection.execute(chosen.order_by(c.created.desc(), c.id.desc()).limit(page.limit))
+            rows = connection.execute(newest_first(chosen, page.before, page.limit))
             return [stored_delivery(row) for row in rows]
 
     def untold(self, limit: int) -> list[StoredDelivery]:
