@@ -8,16 +8,18 @@ from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from contracts.events import Event, read_event
 from contracts.orchestrator import Delivery, DeliveryList, DeliveryQuestion
 from mission.model_check import WrongModel, check_models
 from mission.ports import PortError
-from mission.record import DELIVERY_ID, PICTURE_NAME, new_id
+from mission.record import DELIVERY_ID, new_id
 from orchestrator.delivery import BadDelivery, Order
 from orchestrator.hangar import Hangar
 from orchestrator.intake import Intake
 from orchestrator.keeper import Keeper
-from orchestrator.records import Records, delivery_of
+from orchestrator.records import Records, delivery_of, shown_file
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
 from orchestrator.store.upkeep import Page, UpkeepStore
 from orchestrator.watch import Watch
@@ -27,7 +29,6 @@ PREFLIGHT_S = 10.0
 """How long the gateway may take to say whether there is a model; it may have to load it."""
 CANCEL_S = 30.0
 COUNT_EVERY_S = 1.0
-FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"})
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ class Deliveries:
 
     def _same(self, known: StoredDelivery, asked: str) -> Delivery:
         """Raises BadQuestion where the stored one was asked for in other words."""
-        if known.question != asked:
+        if known.question != asked and _question_of(known) != DeliveryQuestion.model_validate_json(asked):
             raise BadQuestion(
                 f"Idempotency-Key: delivery {known.id} has it, and was asked for in other words; give each delivery a "
                 "key of its own",
@@ -193,14 +194,9 @@ class Deliveries:
     async def picture(self, name: str, file: str) -> Path:
         """A file of a record that may be shown. Raises NotFound."""
         folder = self._records.runs / (await self._stored(name)).id
-        if file in FILES:
-            path = folder / file
-        elif PICTURE_NAME.fullmatch(file):
-            path = folder / "pictures" / file
-        else:
-            raise NotFound("a record has no such file")
-        if not await asyncio.to_thread(path.is_file):
-            raise NotFound(f"the record of {name} has no {file} (yet)")
+        path = await asyncio.to_thread(shown_file, folder, file)
+        if path is None:
+            raise NotFound(f"the record of {name} has no {file[:80]} (yet)")
         return path
 
     async def _stored(self, name: str) -> StoredDelivery:
@@ -210,6 +206,14 @@ class Deliveries:
         if stored is None:
             raise NotFound(f"there is no delivery {name}")
         return stored
+
+
+def _question_of(stored: StoredDelivery) -> DeliveryQuestion | None:
+    """What was asked for, by an older version as well; null where today's can't read it."""
+    try:
+        return DeliveryQuestion.model_validate_json(stored.question)
+    except ValidationError:
+        return None
 
 
 def _new(question: DeliveryQuestion, asked: str, order: Order, key: str | None) -> dict[str, object]:

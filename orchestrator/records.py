@@ -3,16 +3,21 @@ delivery is done (mission.record)."""
 
 import logging
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 
 from contracts.orchestrator import Delivery, DeliveryResult, OpenQuestion
-from mission.record import write_whole
+from mission.record import PICTURE_NAME, write_whole
 from orchestrator.delivery import Order
 from orchestrator.store.deliveries import StoredDelivery
 from orchestrator.summary import draw_summary
 
 log = logging.getLogger("orchestrator.records")
+
+FILES = frozenset({"summary.png", "events.jsonl", "result.json", "question.json"})
+"""Of a record, beside its pictures, for everybody who may look at the delivery."""
 
 
 class Records:
@@ -36,11 +41,17 @@ class Records:
         folder = self.runs / name
         write_whole(folder / "events.jsonl", "".join(f"{line}\n" for line in events))
         try:
-            draw_summary(folder)
+            _drawing().submit(draw_summary, folder).result()
         except Exception:  # a delivery without the picture is still a delivery
             log.exception("the summary picture of %s could not be drawn", name)
         write_whole(folder / "result.json", result.model_dump_json(indent=1))
         return size_of(folder)
+
+
+@cache
+def _drawing() -> ThreadPoolExecutor:
+    """One thread for all of them: the C library keeps the room of a drawing (11 MB) for each thread that has drawn."""
+    return ThreadPoolExecutor(1, thread_name_prefix="drawing")
 
 
 def delivery_of(stored: StoredDelivery, runs: Path) -> Delivery:
@@ -61,6 +72,12 @@ def delivery_of(stored: StoredDelivery, runs: Path) -> Delivery:
         question=None if stored.open_question is None else OpenQuestion.model_validate_json(stored.open_question),
         result=None if stored.result is None else DeliveryResult.model_validate_json(stored.result, extra="ignore"),
     )
+
+
+def shown_file(folder: Path, file: str) -> Path | None:
+    """A file of the record in that folder that may be shown; null where there is none."""
+    path = folder / file if file in FILES else folder / "pictures" / file if PICTURE_NAME.fullmatch(file) else None
+    return path if path is not None and path.is_file() else None
 
 
 def size_of(folder: Path) -> int:

@@ -12,7 +12,6 @@ from contracts.geometry import Pose
 from contracts.orchestrator import Delivery, DeliveryResult, DeliveryStatus
 from contracts.overview import DeliveryLine, FlightSeen, Overview, StreetPlan
 from mission.record import (
-    PICTURE_NAME,
     BadRecord,
     cut_off,
     is_being_written,
@@ -20,7 +19,7 @@ from mission.record import (
     read_question,
     read_result,
 )
-from orchestrator.deliveries import FILES
+from orchestrator.records import shown_file
 from orchestrator.store.lines import Chosen
 from orchestrator.streets import street_of
 from service_kit.errors import NotFound
@@ -37,20 +36,20 @@ class Replays:
         self._streets: dict[str, StreetPlan | None] = {}
 
     async def overview(self, chosen: Chosen) -> Overview:
-        """As the orchestrator's, without vehicles: a record tells only where its drone stopped last."""
+        """As the orchestrator's, without vehicles: a record tells only where its drone stopped last. Raises NotFound for
+        a page before no record."""
         everything = await asyncio.to_thread(self._all)
         counts: dict[DeliveryStatus, int] = {"waiting": 0, "flying": 0, "needs_answer": 0, "done": 0}
         for delivery in everything:
             counts[delivery.status] += 1
-        fit = [delivery for delivery in everything if _fits(delivery, chosen)]
-        names = [delivery.id for delivery in fit]
-        begin = names.index(chosen.before) + 1 if chosen.before in names else 0
-        shown = fit[begin : begin + chosen.limit]
+        older = everything if chosen.before is None else _older(everything, chosen.before)
+        fit = [delivery for delivery in older if _fits(delivery, chosen)]
+        shown = fit[: chosen.limit]
         return Overview(
             time=datetime.now(UTC),
             counts=counts,
             deliveries=tuple(_line(delivery) for delivery in shown),
-            next=shown[-1].id if len(fit) > begin + chosen.limit else None,
+            next=shown[-1].id if len(fit) > chosen.limit else None,
             asking=(),
             flights=await asyncio.to_thread(self._flights, everything),
             vehicles=(),
@@ -88,9 +87,8 @@ class Replays:
     async def file(self, name: str, file: str) -> Path:
         """A file of a record that may be shown. Raises NotFound."""
         await self.get(name)
-        folder = self._folder / name
-        path = folder / "pictures" / file if PICTURE_NAME.fullmatch(file) else folder / file
-        if not (file in FILES or PICTURE_NAME.fullmatch(file)) or not await asyncio.to_thread(path.is_file):
+        path = await asyncio.to_thread(shown_file, self._folder / name, file)
+        if path is None:
             raise NotFound(f"the record of {name} has no {file[:80]} (yet)")
         return path
 
@@ -154,6 +152,14 @@ def _last_stop(events: Sequence[Event]) -> Pose | None:
         if isinstance(event, PlacedEvent):
             return event.data.pose
     return None
+
+
+def _older(newest_first: Sequence[Delivery], before: str) -> Sequence[Delivery]:
+    """Raises NotFound."""
+    for at, delivery in enumerate(newest_first):
+        if delivery.id == before:
+            return newest_first[at + 1 :]
+    raise NotFound(f"there is no record {before}")
 
 
 def _fits(delivery: Delivery, chosen: Chosen) -> bool:

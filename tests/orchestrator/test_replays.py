@@ -1,6 +1,8 @@
 """The pages over a run's records, while it is flown and afterwards; over real HTTP."""
 
 import asyncio
+import subprocess
+import sys
 from pathlib import Path
 
 import httpx
@@ -59,6 +61,8 @@ def test_a_run_is_looked_at_while_it_is_flown(run: Path, serve: Serve) -> None:
         assert [line["id"] for line in client.get("/v1/overview?text=CAKE").json()["deliveries"]] == ["005"]
         first = client.get("/v1/overview?limit=1").json()
         assert client.get(f"/v1/overview?limit=2&before={first['next']}").json()["next"] is None
+        unknown = client.get("/v1/overview?before=none-such")
+        assert (unknown.status_code, unknown.json()["error"]["code"]) == (404, "not_found")
         lines = []
         with client.stream("GET", "/v1/deliveries/006/events?drone=true") as stream:
             for line in stream.iter_lines():
@@ -86,6 +90,19 @@ def test_a_flight_is_shown_where_its_record_has_it_last(run: Path) -> None:
     end(after)
     assert [f.delivery for f in asyncio.run(Replays(run).overview(Chosen(10))).flights] == ["008"]
     before.close()
+
+
+def test_a_page_goes_on_after_a_record_that_the_filter_leaves_out(run: Path, serve: Serve) -> None:
+    with httpx.Client(base_url=serve(build_replay_app(Replays(run)))) as client:
+        newest, *older = (line["id"] for line in client.get("/v1/overview").json()["deliveries"])
+        shown = client.get("/v1/overview", params={"before": newest, "status": "done"}).json()["deliveries"]
+        assert [line["id"] for line in shown] == older
+        assert client.get("/v1/overview", params={"before": newest, "status": "flying"}).json()["deliveries"] == []
+
+
+def test_the_pages_over_records_need_no_durable_engine() -> None:
+    program = "import sys, orchestrator.replay_app; print('dbos' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True).stdout == "False\n"
 
 
 @pytest.mark.parametrize(

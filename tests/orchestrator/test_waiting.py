@@ -1,5 +1,6 @@
 """Deliveries that wait: for room, for their turn or their time, for the customer's answer."""
 
+import sqlite3
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -48,6 +49,18 @@ def test_the_same_key_again_is_the_same_delivery_and_another_delivery_with_it_is
     other = client.post("/v1/deliveries", json=order(world, priority=1), headers=key)
     assert (other.status_code, other.json()["error"]["code"]) == (422, "idempotency_key_reused")
     assert len(client.get("/v1/deliveries").json()["deliveries"]) == 1
+
+
+def test_a_key_stays_a_delivery_s_when_an_upgrade_has_given_deliveries_another_field(door, runs: Path) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world)
+    key = {"Idempotency-Key": "order 4711"}
+    name = client.post("/v1/deliveries", json=order(world), headers=key).json()["id"]
+    finished(client, name)
+    with sqlite3.connect(runs / "deliveries.sqlite") as database:
+        database.execute("UPDATE deliveries SET question = json_remove(question, '$.priority', '$.vehicle')")
+    assert client.post("/v1/deliveries", json=order(world), headers=key).json()["id"] == name
+    assert client.post("/v1/deliveries", json=order(world, priority=1), headers=key).status_code == 422
 
 
 def test_a_delivery_does_not_take_off_before_its_time(door) -> None:
