@@ -1,6 +1,7 @@
 """One delivery with its record: what the REST door and the command line both call."""
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable
 from pathlib import Path
@@ -92,7 +93,9 @@ class Order:
         question = read_question(folder)
         if question.sample is None or question.scene is None:
             return cls(question)
-        own_request = cls(question.model_copy(update={"scene": None})).own_request
+        own_request = True  # of a sample that is no longer there nobody knows the words
+        with contextlib.suppress(BadDelivery):
+            own_request = cls(question.model_copy(update={"scene": None})).own_request
         return cls(question.model_copy(update={"sample": None}), own_request=own_request)
 
     def placed(self, trial: Trial) -> InTrial:

@@ -3,7 +3,9 @@
 import asyncio
 import json
 import statistics
+import time
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from contracts.overview import (
     Tracking,
 )
 from orchestrator.deliveries import Deliveries
+from orchestrator.newest import Newest
 from orchestrator.roll_call import RollCall
 from orchestrator.store.lines import Chosen, LineStore, StoredLine
 from orchestrator.streets import Streets
@@ -30,6 +33,8 @@ STOPPED = ("delivered", "stopped_not_judged", "wrong_window", "not_in_front")
 ASKING_SHOWN = 20
 ENOUGH = 3
 """From so many earlier flights on it is told how long one takes."""
+TIMES_KEPT_S = 10.0
+MAX_KEPT = 2_000
 
 
 class Overlook:
@@ -43,14 +48,16 @@ class Overlook:
         self._fleet = fleet
         self.telemetry = telemetry
         self._streets = streets
-        self._pictures: dict[str, str | None] = {}
+        self._pictures: Newest[str, str | None] = Newest(MAX_KEPT)
+        self._times: list[float] = []
+        self._timed = -TIMES_KEPT_S
 
     async def overview(self, chosen: Chosen) -> Overview:
         """Everything at once, of the deliveries the chosen ones. Raises NotFound for a page before no delivery."""
         if chosen.before is not None:
             await self._deliveries.get(chosen.before)
         found, counts, vehicles = await asyncio.gather(
-            asyncio.to_thread(self._lines.lines, Chosen(**(vars(chosen) | {"limit": chosen.limit + 1}))),
+            asyncio.to_thread(self._lines.lines, replace(chosen, limit=chosen.limit + 1)),
             asyncio.to_thread(self._lines.counts),
             self._fleet.list(),
         )
@@ -98,7 +105,7 @@ class Overlook:
             seen, silent = None, True
         waits = delivery.status == "waiting"
         ahead = await asyncio.to_thread(self._lines.ahead_of, name) if waits else None
-        times = await asyncio.to_thread(self._lines.flight_times)
+        times = await self._flight_times()
         return Tracking(
             time=datetime.now(UTC),
             request=delivery.request,
@@ -133,6 +140,13 @@ class Overlook:
     async def _asking(self) -> tuple[DeliveryLine, ...]:
         found = await asyncio.to_thread(self._lines.lines, Chosen(ASKING_SHOWN, "needs_answer"))
         return tuple(_line(stored) for stored in found)
+
+    async def _flight_times(self) -> list[float]:
+        """One question to the database serves every customer for a while."""
+        if time.monotonic() > self._timed + TIMES_KEPT_S:
+            self._times = await asyncio.to_thread(self._lines.flight_times)
+            self._timed = time.monotonic()
+        return self._times
 
     async def _flight(self, name: str, request: str) -> FlightSeen:
         street = await self._streets.of(name)

@@ -36,8 +36,8 @@ class Replays:
         self._streets: dict[str, StreetPlan | None] = {}
 
     async def overview(self, chosen: Chosen) -> Overview:
-        """As the orchestrator's, without vehicles: a record tells only where its drone stopped last. Raises NotFound for
-        a page before no record."""
+        """As the orchestrator's, without vehicles: a record tells only where its drone stopped last. Raises
+        NotFound for a page before no record."""
         everything = await asyncio.to_thread(self._all)
         counts: dict[DeliveryStatus, int] = {"waiting": 0, "flying": 0, "needs_answer": 0, "done": 0}
         for delivery in everything:

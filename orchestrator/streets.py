@@ -2,7 +2,6 @@
 
 import asyncio
 import hashlib
-from collections import OrderedDict
 
 from contracts.geometry import Point2
 from contracts.orchestrator import DeliveryQuestion
@@ -10,6 +9,7 @@ from contracts.overview import StreetBuilding, StreetPlan, StreetRoad
 from contracts.scene import Scene
 from contracts.scene_layout import wall_height_m
 from orchestrator import sample_library
+from orchestrator.newest import Newest
 from orchestrator.store.deliveries import DeliveryStore
 
 MAX_KEPT = 1_000
@@ -38,14 +38,12 @@ class Streets:
 
     def __init__(self, store: DeliveryStore) -> None:
         self._store = store
-        self._known: OrderedDict[str, StreetPlan | None] = OrderedDict()
+        self._known: Newest[str, StreetPlan | None] = Newest(MAX_KEPT)
 
     async def of(self, delivery: str) -> StreetPlan | None:
         """Null where the delivery has no scene, or there is no such delivery."""
         if delivery not in self._known:
             self._known[delivery] = await asyncio.to_thread(self._read, delivery)
-            while len(self._known) > MAX_KEPT:
-                self._known.popitem(last=False)
         return self._known[delivery]
 
     def _read(self, delivery: str) -> StreetPlan | None:

@@ -3,24 +3,21 @@
 import asyncio
 import json
 import time
-from collections import OrderedDict
 from collections.abc import AsyncIterator
 from datetime import UTC, datetime
-from typing import TypeVar
 
 import zstandard
 
 from contracts.overview import DroneSeen
 from mission.ports import PortError
 from orchestrator.hangar import Hangar
+from orchestrator.newest import Newest
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
 
 FRESH_S = 0.4
 """Whoever looks within that time is told the same."""
 ASK_S = 2.0
 MAX_KEPT = 2_000
-K = TypeVar("K")
-V = TypeVar("V")
 
 
 class Silent(Exception):
@@ -33,8 +30,8 @@ class Telemetry:
     def __init__(self, hangar: Hangar, store: DeliveryStore) -> None:
         self._hangar = hangar
         self._store = store
-        self._names: OrderedDict[tuple[str, int], str] = OrderedDict()
-        self._asked: OrderedDict[str, tuple[float, asyncio.Task[DroneSeen]]] = OrderedDict()
+        self._names: Newest[tuple[str, int], str] = Newest(MAX_KEPT)
+        self._asked: Newest[str, tuple[float, asyncio.Task[DroneSeen]]] = Newest(MAX_KEPT)
 
     async def of(self, delivery: str) -> DroneSeen | None:
         """The drone that flies the delivery; null where none does. Raises Silent where it does not tell."""
@@ -48,7 +45,6 @@ class Telemetry:
                 return None
             task = asyncio.create_task(self._ask(stored.vehicle, name), name=f"drone of {delivery}")
             self._asked[delivery] = (time.monotonic(), task)
-            _trim(self._asked)
         return await asyncio.shield(task)
 
     async def samples(self, delivery: str, every_s: float = 0.5) -> AsyncIterator[DroneSeen]:
@@ -79,10 +75,4 @@ class Telemetry:
             if name is None:
                 return None
             self._names[key] = name
-            _trim(self._names)
         return self._names[key]
-
-
-def _trim(kept: "OrderedDict[K, V]") -> None:
-    while len(kept) > MAX_KEPT:
-        kept.popitem(last=False)
