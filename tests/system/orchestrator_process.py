@@ -1,13 +1,16 @@
 """An orchestrator as a process of its own beside the other services: killed, and started again."""
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Mapping
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Protocol
 
 import httpx
 
@@ -17,11 +20,23 @@ from service_kit.addresses import Addresses
 from service_kit.settings import process_environment
 from tests.conftest import free_port
 from tests.ending import WITH_THE_TESTS
+from tests.system.run_orchestrator import run_orchestrator
 
 START_WITHIN_S = 180.0
 """A machine under load takes its time."""
 LISTEN_AGAIN_S = 0.5
 """Many listeners who ask all the time leave an orchestrator that starts no processor."""
+
+
+class Program(Protocol):
+    """A process that was started, as `subprocess` has it."""
+
+    @property
+    def pid(self) -> int: ...
+
+    def poll(self) -> int | None: ...
+
+    def wait(self, timeout: float | None = None) -> int: ...
 
 
 class OrchestratorDoor:
@@ -86,16 +101,11 @@ class OrchestratorProcess(OrchestratorDoor):
             **(settings or {}),
         }
         self._log = runs.parent / f"orchestrator-{self.port}.log"
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Program | None = None
 
     def start(self) -> None:
         """Returns when it answers."""
-        command = [*WITH_THE_TESTS, sys.executable, "-m", "orchestrator"]
-        with self._log.open("ab") as log:
-            # a session of its own: on a loaded machine each process, not all tests together, gets its share
-            self._process = subprocess.Popen(
-                command, env=self._environment, stdout=log, stderr=log, start_new_session=True
-            )
+        self._process = self._spawn()
         give_up = time.monotonic() + START_WITHIN_S
         while True:
             with contextlib.suppress(httpx.TransportError):
@@ -104,6 +114,12 @@ class OrchestratorProcess(OrchestratorDoor):
             if self._process.poll() is not None or time.monotonic() > give_up:
                 raise RuntimeError(f"the orchestrator did not start: {self.log()[-2000:]}")
             time.sleep(0.05)
+
+    def _spawn(self) -> Program:
+        command = [*WITH_THE_TESTS, sys.executable, "-m", "orchestrator"]
+        with self._log.open("ab") as log:
+            # a session of its own: on a loaded machine each process, not all tests together, gets its share
+            return subprocess.Popen(command, env=self._environment, stdout=log, stderr=log, start_new_session=True)
 
     @property
     def pid(self) -> int:
@@ -127,6 +143,38 @@ class OrchestratorProcess(OrchestratorDoor):
                 os.kill(self._process.pid, how)
             self._process.wait(30)
             self._process = None
+
+
+class ForkedOrchestrator(OrchestratorProcess):
+    """Forked from a process that has imported everything: a hundred starts for the price of a few."""
+
+    def _spawn(self) -> Program:
+        processes = multiprocessing.get_context("forkserver")
+        processes.set_forkserver_preload([run_orchestrator.__module__])
+        process = processes.Process(target=run_orchestrator, args=(self._environment, self._log))
+        process.start()
+        return _Forked(process)
+
+
+class _Forked:
+    """A process of `multiprocessing` as `subprocess` would have it."""
+
+    def __init__(self, process: BaseProcess) -> None:
+        self._process = process
+
+    @property
+    def pid(self) -> int:
+        assert self._process.pid is not None
+        return self._process.pid
+
+    def poll(self) -> int | None:
+        return self._process.exitcode
+
+    def wait(self, timeout: float | None = None) -> int:
+        self._process.join(timeout)
+        if self._process.exitcode is None:
+            raise TimeoutError(f"the orchestrator has not ended after {timeout} s")
+        return self._process.exitcode
 
 
 def heard(orchestrator: OrchestratorDoor, name: str, after: int = 0, within_s: float = 600.0) -> list[Event]:

@@ -10,14 +10,14 @@ import pytest
 
 from contracts.events import Event
 from service_kit.addresses import Addresses
-from tests.system.orchestrator_process import OrchestratorProcess, heard, without_clocks
+from tests.system.orchestrator_process import ForkedOrchestrator, OrchestratorProcess, heard, without_clocks
 
 SMALL = {"image_size": 160}
 
 
 @pytest.fixture
 def orchestrator(at: Addresses, runs: Path) -> Iterator[OrchestratorProcess]:
-    process = OrchestratorProcess(at, runs, {"MAX_LIVE_DELIVERIES": "3"})
+    process = ForkedOrchestrator(at, runs, {"MAX_LIVE_DELIVERIES": "3"})
     process.start()
     yield process
     process.kill()
