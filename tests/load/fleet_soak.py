@@ -36,7 +36,7 @@ SETTINGS = {"image_size": 160, "max_exploration_steps": 6}
 
 
 class Sample(NamedTuple):
-    """Resident memory of each service in MB, so many hours after the beginning."""
+    """Memory of each service in MB, without mapped files, so many hours after the beginning."""
 
     hours: float
     deliveries: int
@@ -50,13 +50,14 @@ class Slope(NamedTuple):
     error: float
 
 
-def resident_mb(pid: int) -> float:
+def own_mb(pid: int) -> float:
+    """What the kernel takes of mapped files back, and gives again, is not the service's doing."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
-    return sum(int(line.split()[1]) for line in lines if line.startswith("VmRSS:")) / 1024
+    return sum(int(line.split()[1]) for line in lines if line.startswith(("RssAnon:", "VmSwap:"))) / 1024
 
 
 def read(services: Processes, hours: float, deliveries: int) -> Sample:
-    return Sample(hours, deliveries, {child.name: resident_mb(child.process.pid) for child in services.children})
+    return Sample(hours, deliveries, {child.name: own_mb(child.process.pid) for child in services.children})
 
 
 def slope(samples: list[Sample], service: str) -> Slope:
