@@ -32,8 +32,8 @@ def events_of(client: httpx.Client, name: str, after: int | None = None) -> list
 
 
 def until(client: httpx.Client, name: str, status: str) -> Delivery:
-    """The delivery once it is of that status, or as it stands after ten seconds."""
-    give_up = time.monotonic() + 10
+    """The delivery once it is of that status, or as it stands after two minutes (a loaded machine needs time)."""
+    give_up = time.monotonic() + 120
     while True:
         delivery = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
         if delivery.status == status or time.monotonic() > give_up:
