@@ -60,9 +60,9 @@ class StandOff(NamedTuple):
         near_m = min(4.5, far_m - 1.0)
         return cls(near_m, far_m, min(10.0, far_m - 0.3))
 
-    def goal_m(self, distance_m: float) -> float | None:
-        """The distance to fly to; None where it is right already."""
-        if distance_m > self.far_m:
+    def goal_m(self, distance_m: float, more_m: float = 0.0) -> float | None:
+        """The distance to fly to; None where it is right already. `more_m`: so much farther off is right as well."""
+        if distance_m > self.far_m + more_m:
             return self.good_m
         return min(self.good_m, self.near_m + 2.5) if distance_m < self.near_m else None
 

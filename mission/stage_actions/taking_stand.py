@@ -27,6 +27,8 @@ LONGEST_MOVE_M = 8.0
 BODY_M = 0.85
 SHORT_SIGHT_M = 30.0
 ASIDE_M = (3.0, 5.0, 7.0)
+ASIDE_SLACK_M = 3.0
+"""So much farther off than usual is better than under what hangs nearer to the facade."""
 UP_SHARE = 0.85
 """A level camera sees up as far as it sees away, at the picture's edge."""
 
@@ -60,7 +62,7 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
             return nearer
         step.plan_flight((), facing.facing_yaw, "turn square to the facade")
         return _next(stage, looked_behind=True, first_yaw=None)
-    goal_m = StandOff.within(_reach_m(step)).goal_m(facing.distance_m)
+    goal_m = _goal_m(step, stage, facing)
     moved = None if goal_m is None else _towards(step, stage, views, pose, facing.distance_m, goal_m)
     return moved or _under_open_sky(step, stage, views, pose, facing)
 
@@ -114,12 +116,19 @@ def _nearer(step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose
     return _next(stage)
 
 
+def _goal_m(step: Step, stage: TakeStand, facing: Wall) -> float | None:
+    """How far from the facade to fly to; None where the drone stands well, or no nearer than what it has moved away
+    from under allows."""
+    more_m = ASIDE_SLACK_M if stage.aside else 0.0
+    return StandOff.within(_reach_m(step)).goal_m(facing.distance_m, more_m)
+
+
 def _towards(
     step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose, distance_m: float, goal_m: float
 ) -> TakeStand | None:
     """Nearer to the facade, or away from it; null where the way is not free."""
     if distance_m > StandOff.within(_reach_m(step)).far_m:
-        _remark(step, f"the drone began {distance_m:.0f} m from the building, too far to count its floors")
+        _remark(step, f"the drone began {distance_m:.0f} m from the building, too far off for its sensors")
     if goal_m < distance_m:
         free_m = free_way_m(views, pose.z, 0.0, min(LONGEST_MOVE_M, distance_m - goal_m), BODY_M)
         if free_m < LEAST_MOVE_M:
@@ -157,7 +166,7 @@ def _under_open_sky(
             over_m = min(to_m, pose.z + UP_SHARE * away_m)
             if vehicle.column_looks_open(Place(place.x, place.y, place.z), over_m):
                 _fly(step, away_m, bearing_deg, pose.yaw, "something hangs over the drone: aside")
-                return _next(stage)
+                return _next(stage, aside=True)
     return _begin(step, "something hangs over the drone, and nowhere beside it is the sky seen to be open")
 
 

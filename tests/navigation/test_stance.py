@@ -53,3 +53,11 @@ def test_a_way_is_as_free_as_it_is_seen_to_be() -> None:
     assert free_way_m(views, GROUND.z, 0.0, 8.0, 0.85) == pytest.approx(4.1 - 0.85, abs=0.4)
     assert free_way_m(views, GROUND.z, -90.0, 8.0, 0.85) == 8.0
     assert free_way_m(views, GROUND.z, 180.0, 8.0, 0.85) == 0.0
+
+
+def test_a_little_farther_off_is_right_where_what_hangs_over_the_drone_makes_it_so() -> None:
+    stand_off = StandOff.within(10.0)
+    assert stand_off.goal_m(7.0) == pytest.approx(stand_off.good_m)
+    assert stand_off.goal_m(7.0, more_m=3.0) is None
+    assert stand_off.goal_m(9.0, more_m=3.0) == pytest.approx(stand_off.good_m)
+    assert stand_off.goal_m(2.0, more_m=3.0) is not None
