@@ -37,9 +37,11 @@ from mission.stages import (
 )
 from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
+from navigation.camera import wrap_radians
 from navigation.floor_localization import FinalHeight, FloorNotFound, Recount, WindowRows, band, band_span_m
 
 DRIFT_M = 0.5
+SAME_WAY_RAD = math.radians(50.0)
 MAX_NO_BUILDINGS = 2
 """How often a drone that stood before no building looks elsewhere."""
 
@@ -120,11 +122,13 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
 
 
 def _look_elsewhere(step: Step) -> TakeStand:
-    """What has no floor and ends so low is no building but a tree or a hedge: down again, turned the other way."""
+    """What has no floor and ends so low is no building but a tree or a hedge: down again, turned to where the drone
+    looked when it began, or where that is the same way, round."""
     pose, home = step.pose, step.state.guard.home if step.state.guard is not None else step.pose
     step.update(no_building=(*step.state.no_building, pose.yaw))
     path = way_down(step, home.z) if home.z < pose.z else ()
-    step.plan_flight(path, pose.yaw + math.pi, "that is no building: look elsewhere")
+    same_way = abs(wrap_radians(home.yaw - pose.yaw)) <= SAME_WAY_RAD
+    step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, "that is no building: look elsewhere")
     return TakeStand(looked_behind=True)
 
 

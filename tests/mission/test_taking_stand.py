@@ -83,6 +83,17 @@ async def test_what_has_no_floors_is_no_building_and_the_drone_looks_elsewhere()
     assert not world.vehicles["e1"].collided
 
 
+async def test_from_what_is_no_building_the_drone_turns_to_where_it_looked_when_it_began() -> None:
+    log = Events()
+    hedge = Block(x0=-4.0, x1=4.0, y0=-48.0, y1=-44.0, floors=1)
+    began = FACING - 0.5
+    world = BlockWorld(StereoBlock(start=Pose(x=0.0, y=-36.0, z=1.5, yaw=began), range_m=20.0, neighbour=hedge))
+    vision = BlockVision(world, says={"floor_count": [FloorCountAnswer(role="floors", floors=0, **WHO)]})
+    await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
+    away = next(e.data for e in log if e.message.startswith("that is no building"))
+    assert away.to.yaw == pytest.approx(began, abs=0.01)
+
+
 async def test_where_no_building_stands_it_says_so() -> None:
     nowhere = replace(Block(), y0=300.0, y1=310.0)
     result = await flown(nowhere, Events())
