@@ -17,7 +17,7 @@ from services.mavlink_vehicle.flight_ends import Hit, Leapt, Patience, Stopped, 
 from services.mavlink_vehicle.frames import Alignment, Enu
 from services.mavlink_vehicle.link import CommandRefused, Link, LinkLost
 from services.mavlink_vehicle.set_points import EVERY_S, SetPoints
-from services.mavlink_vehicle.telemetry import Telemetry
+from services.mavlink_vehicle.telemetry import STALE_POSE_S, Telemetry
 
 log = logging.getLogger("mavlink_vehicle.drone")
 
@@ -25,6 +25,7 @@ LINK_PATIENCE_S = 8.0
 READY_WITHIN_S = 40.0
 STREAM_FIRST_S = 0.6
 TRIES, TRY_AGAIN_S = 10, 0.5
+TOLD_AFTER_S = 0.1
 RISES_WITHIN_S, SLOWEST_CLIMB_M_S, OFF_GROUND_M = 30.0, 0.5, 1.0
 ALMOST_UP_M = 0.3
 LANDS_WITHIN_S = 180.0
@@ -98,6 +99,9 @@ class Drone:
                 if self.telemetry.clock() > give_up_s:
                     raise
                 await self._until(lambda: False, TRY_AGAIN_S)
+        # arming may set the estimate anew: only what is told after it counts
+        told_s = self.telemetry.clock() + TOLD_AFTER_S
+        await self._until(lambda: self.telemetry.poses.told_s > told_s, STALE_POSE_S)
         self.launch = self._here()
         return self.launch
 

@@ -62,6 +62,11 @@ class PoseHistory:
         return self._poses[-1] if self._poses else None
 
     @property
+    def told_s(self) -> float:
+        """When the last one came."""
+        return self._poses[-1].time_s if self._poses else -math.inf
+
+    @property
     def rate_hz(self) -> float:
         """How often one comes."""
         poses = self._poses
