@@ -99,11 +99,10 @@ class Drone:
                 if self.telemetry.clock() > give_up_s:
                     raise
                 await self._until(lambda: False, TRY_AGAIN_S)
-        # arming may set the estimate anew: only what is told after it counts
-        told_s = self.telemetry.clock() + TOLD_AFTER_S
+        told_s = self.telemetry.clock() + TOLD_AFTER_S  # arming may set the estimate anew: what is told after it counts
         await self._until(lambda: self.telemetry.poses.told_s > told_s, STALE_POSE_S)
-        self.launch = self._here()
-        return self.launch
+        self.launch = here = self._here()
+        return here
 
     async def _arm(self) -> None:
         if self.link.firmware == "ardupilot":
@@ -125,8 +124,7 @@ class Drone:
         up_m, patience = start.up_m + height_m, Patience()
 
         def almost_up() -> bool:
-            place = self.telemetry.place
-            if place is None:
+            if (place := self.telemetry.place) is None:
                 return False
             short_m = up_m - place.up_m
             # PX4 rises to a height of its own and holds there; others stay a little lower than they were told
@@ -145,9 +143,8 @@ class Drone:
         self.set_points.aim(place)
         await self._until(lambda: False, STREAM_FIRST_S)
         for attempt in range(TRIES):
-            mode = self.telemetry.mode
-            # a take-off that is over meanwhile ends in holding, by itself
-            self.control.expect("offboard", mode, *(("hold",) if mode == "takeoff" else ()))
+            mode = self.telemetry.mode  # a take-off that is over meanwhile ends in holding, by itself
+            self.control.expect("offboard", mode, "hold" if mode == "takeoff" else mode)
             try:
                 await self.link.take_set_points()
                 break
