@@ -13,6 +13,7 @@ from service_kit.run import main
 def run_orchestrator(environment: Mapping[str, str], log: Path) -> None:
     """In a session of its own, with that environment and its words in `log`, until it is ended."""
     os.setsid()
+    os.closerange(3, 256)  # one of these keeps the process from which it is forked alive when the tests have ended
     os.environ.clear()
     os.environ.update(environment)
     os.environ["PARENT_PID"] = str(os.getppid())  # ends with the tests, as the process does from which it is forked
