@@ -84,7 +84,7 @@ def names_of(kind: str, colour: str) -> tuple[str, ...]:
     return (*(f"{colour} {name}" for name in names), *names)
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=256)
 def build(kind: str, colour: str, textures: TextureSet) -> Mesh:
     """One object in metres, front +x, up +z; the module's text says where its origin lies.
 

@@ -63,7 +63,7 @@ def _dress(building: Building, textures: TextureSet, rng: np.random.Generator) -
     return Dress(surround, ground, mixed(style.wall_colour, "#6a6258", 0.30), None, metal)
 
 
-@lru_cache(maxsize=128)
+@lru_cache(maxsize=32)
 def _bands(building: Building, textures: TextureSet) -> Mesh:
     """Plinth, string courses between the floors, corner strips and rain pipes; whatever the scene."""
     plan = plan_of(floor_outline(building, 1))

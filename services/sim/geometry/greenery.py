@@ -24,7 +24,7 @@ def tree(plant: Tree, textures: TextureSet, rng: np.random.Generator) -> Mesh:
     return _broadleaf(plant, textures, rng).transformed(move=foot)
 
 
-@lru_cache(maxsize=2048)
+@lru_cache(maxsize=512)
 def tree_solid(plant: Tree) -> Mesh:
     """A plain stand-in to bump into."""
     foot = (plant.position.x, plant.position.y, 0.0)

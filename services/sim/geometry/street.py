@@ -88,7 +88,7 @@ class _Lie(NamedTuple):
     pavements: tuple[shape.Polygon, ...]
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=16)
 def _lie(
     ways: tuple[Road, ...], half: float, footprints: tuple[tuple[Point2, ...], ...], surface: str, layer: int
 ) -> _Lie:
