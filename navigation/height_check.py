@@ -14,8 +14,9 @@ _LEVEL_FLOORS = 0.35
 _GROUND_FLOORS = 0.25
 """The picture reaches the ground where no more than this share of a floor is beneath it."""
 _NEAR_GROUND_FLOORS = 3.75
+"""Not so far under the lowest row the floors beneath are told by the rows' distances."""
 _EVEN_FLOORS = 0.25
-"""Not so far under the lowest row the floors beneath are told by the rows' distances, where they come out even."""
+"""Floors are counted where the lowest row's height comes out even: half a floor above a whole number of them."""
 
 
 class HeightCheck(NamedTuple):
@@ -55,10 +56,13 @@ def check_height(seen: WindowRows, floor: int, floor_height_m: float) -> HeightC
 
 def _floors_beneath(seen: WindowRows, spacing_m: float) -> int | None:
     """How many floors lie under the lowest row; None where that is too far from the ground to tell, or lies as floors
-    of one height would not."""
-    if seen.camera_m - seen.stand_off_m * seen.view.down_slope <= _GROUND_FLOORS * spacing_m:
-        return len(down_to_ground(seen)) - len(seen.rows)
+    of one height would not: of a wall seen from aside the rows' distances grow downwards, and what would be a row more
+    beneath the picture looks like the ground."""
     up_floors = seen.height_m(-1) / spacing_m
-    beneath = round(up_floors - 0.5)
-    odd = abs(up_floors - 0.5 - beneath) > _EVEN_FLOORS
-    return None if seen.spacing_m is None or up_floors > _NEAR_GROUND_FLOORS or odd else max(0, beneath)
+    if seen.camera_m - seen.stand_off_m * seen.view.down_slope <= _GROUND_FLOORS * spacing_m:
+        beneath = len(down_to_ground(seen)) - len(seen.rows)
+    elif seen.spacing_m is None or up_floors > _NEAR_GROUND_FLOORS:
+        return None
+    else:
+        beneath = max(0, round(up_floors - 0.5))
+    return beneath if abs(up_floors - 0.5 - beneath) <= _EVEN_FLOORS else None
