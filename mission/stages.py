@@ -174,7 +174,7 @@ class BoxBuilding(Wire):
     at: Literal["box_building"] = "box_building"
 
 
-AfterClimb = Annotated[CountBand | FindTop | ConfirmHeight | BoxBuilding, Field(discriminator="at")]
+AfterClimb = Annotated[CountBand | FindTop | CountWhole | ConfirmHeight | BoxBuilding, Field(discriminator="at")]
 Attempt = Literal["from_here", "from_farther_off"]
 
 

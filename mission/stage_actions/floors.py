@@ -32,6 +32,7 @@ from mission.stages import (
     ConfirmHeight,
     CountBand,
     CountBandFromNearer,
+    CountWhole,
     LookRound,
     TakeStand,
 )
@@ -98,6 +99,8 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
         case FloorNotFound():
             if decision.floors_counted == 0 and len(step.state.no_building) < MAX_NO_BUILDINGS:
                 return _look_elsewhere(step)
+            if stage.band.number == 1 and decision.floors_counted > 0:
+                return _once_more_from_below(step, stage.stand_off_m, decision.facade_top_m)
             raise not_there(step, decision)
         case Recount():
             silent = stage.silent + 1
@@ -130,6 +133,15 @@ def _look_elsewhere(step: Step) -> TakeStand:
     same_way = abs(wrap_radians(home.yaw - pose.yaw)) <= SAME_WAY_RAD
     step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, "that is no building: look elsewhere")
     return TakeStand(looked_behind=True)
+
+
+def _once_more_from_below(step: Step, stand_off_m: float, top_m: float) -> Climb:
+    """Before a customer hears that there is no such floor: a picture taken level with the roof cuts off what is low and
+    near; from half the height it shows the whole of a facade that ends in the first band."""
+    step.update(trail=())
+    whole = CountWhole(stand_off_m=stand_off_m, home=step.pose, top_m=top_m, top_seen=True)
+    half_m = max(top_m / 2.0 - step.drone.front_up_m, eq3_settings(step).min_height_m)
+    return Climb(to_m=half_m, why="to count once more from half the facade's height", then=whole)
 
 
 def _to_final_height(step: Step, final: FinalHeight, stand_off_m: float) -> Climb:

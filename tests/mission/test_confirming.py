@@ -75,3 +75,13 @@ async def test_where_no_row_confirms_the_height_no_floor_is_said_to_be_inspected
     assert "of the facade on floor" not in result.message
     confirmed = await flown(nowhere, Events(), [])
     assert "of the facade on floor 4 inspected" in confirmed.message
+
+
+async def test_before_there_is_no_such_floor_all_floors_are_counted_once_more_from_half_the_height() -> None:
+    log = Events()
+    result = await flown(Block(floors=5), log, [counted(3)])
+    assert result.outcome == "delivered"
+    assert result.final_height_m == pytest.approx(10.5, abs=0.5)
+    first, again = [e.data for e in log.of("floor_count")]
+    assert [(e.floors_new, e.decision) for e in (first, again)] == [(3, "FloorNotFound"), (5, "FinalHeight")]
+    assert again.pose.z == pytest.approx(first.facade_top_m / 2.0, abs=0.5)
