@@ -57,6 +57,7 @@ deliveries = sa.Table(
 )
 _UNTOLD = deliveries.c.status != deliveries.c.told
 sa.Index("deliveries_untold", deliveries.c.created, sqlite_where=_UNTOLD, postgresql_where=_UNTOLD)
+_ended = sa.Index("deliveries_ended", deliveries.c.ended)
 
 events = sa.Table(
     "delivery_events",
@@ -90,5 +91,8 @@ executors = sa.Table(
 schema_version = sa.Table("deliveries_schema", metadata, sa.Column("version", sa.Integer, primary_key=True))
 
 Migration = Callable[[sa.Connection], Any]
-MIGRATIONS: tuple[Migration, ...] = (lambda connection: metadata.create_all(connection),)
+MIGRATIONS: tuple[Migration, ...] = (
+    lambda connection: metadata.create_all(connection),
+    lambda connection: _ended.create(connection, checkfirst=True),
+)
 """Step n leads from version n-1 to n; the first makes all tables as they are today, and serves a new database alone."""

@@ -3,12 +3,16 @@
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+import sqlalchemy as sa
+from sqlalchemy import event
 
 from orchestrator.store.database import Database
 from orchestrator.store.deliveries import DeliveryStore, Following, Superseded, mark_queued
 from orchestrator.store.executors import ExecutorStore
+from orchestrator.store.lines import LineStore
 from orchestrator.store.tables import schema_version
 from orchestrator.store.vehicles import VehicleStore
 from service_kit.settings import BadSetting
@@ -218,6 +222,27 @@ def test_a_database_of_a_newer_program_is_left_alone(database: Database) -> None
         connection.execute(schema_version.update().values(version=1000))
     with pytest.raises(BadSetting, match="run the newer program"):
         database._migrate()
+
+
+def test_a_database_of_the_version_before_gets_what_today_has_more(database: Database) -> None:
+    indexes = {index["name"] for index in sa.inspect(database.engine).get_indexes("deliveries")}
+    with database.engine.begin() as connection:
+        connection.execute(sa.text("DROP INDEX deliveries_ended"))
+        connection.execute(schema_version.update().values(version=1))
+    database._migrate()
+    assert {index["name"] for index in sa.inspect(database.engine).get_indexes("deliveries")} == indexes
+
+
+def test_how_long_the_last_flights_took_is_found_without_reading_every_delivery(tmp_path: Path) -> None:
+    opened = Database(f"sqlite:///{tmp_path / 'deliveries.sqlite'}")
+    asked: list[tuple[str, Any]] = []
+    event.listen(opened.engine, "before_cursor_execute", lambda _c, _u, sql, values, *_: asked.append((sql, values)))
+    LineStore(opened.engine).flight_times()
+    [(sql, values)] = asked
+    with opened.engine.connect() as connection:
+        plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {sql}", values).all()
+    opened.close()
+    assert ["deliveries_ended" in step.detail for step in plan] == [True], plan
 
 
 def test_in_sqlite_deliveries_are_synced_to_the_disk_at_every_commit_and_the_engines_notes_with_them(
