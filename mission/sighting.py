@@ -58,6 +58,11 @@ def _holds(dismissed: Dismissed, pose: WirePose, confidence: float, *, claimable
     return abs(math.remainder(now - before, math.tau)) < math.radians(OTHER_SIDE_DEG)
 
 
+def box_depth_m(box: Box, sight: Sight) -> float | None:
+    """Planar depth of the thing in the box, metres; null where the box holds none."""
+    return target.box_depth_m(sight.seen, target.Box(box.x_min, box.y_min, box.x_max, box.y_max), TARGET)
+
+
 def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float) -> Sighting:
     """Judges a match by the depth in its box.
 
@@ -65,7 +70,7 @@ def locate(match: Match, sight: Sight, *, floor_z: float, floor_height_m: float)
     `MAX_SIGHTING_M`, and within `SAME_FLOOR` floors of `floor_z`, the middle of the floor that was asked for (metres).
     """
     box = target.Box(match.box.x_min, match.box.y_min, match.box.x_max, match.box.y_max)
-    depth_m = target.box_depth_m(sight.seen, box, TARGET)
+    depth_m = box_depth_m(match.box, sight)
     at = target.box_place(sight.seen, box, _pose(sight), TARGET)
     if depth_m is None or at is None:
         return Sighting(match, None, None, None, "no depth in its box")

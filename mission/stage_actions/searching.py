@@ -11,6 +11,7 @@ from contracts.vlm_gateway import FindObjectAnswer, FindObjectQuestion, Match, V
 from mission.annotation import mark_box
 from mission.looks import Look, Sight
 from mission.model_calls import Answered
+from mission.one_thing import clearest, joined
 from mission.places import apart_deg, distance_m, looks_towards
 from mission.policies.base import Plan
 from mission.sighting import Sighting, facade_returns, is_dismissed, locate
@@ -65,7 +66,8 @@ async def search(
     best = _best(sightings, near)
     _remember_elsewhere(step, sightings, claim)
     sure = [s for s in sightings if s.match.confidence >= claim]
-    await _remember_another(step, look, best, sure, judged=plan is not None)
+    if best is not None and best.match.confidence >= claim:
+        await _remember_another(step, look, best, sure, judged=plan is not None)
     step.write(
         f"{what}: {_said(reply.answer.outcome, sightings, _seen_by(look, best), step.state.object or 'object')}",
         LookData(
@@ -76,7 +78,7 @@ async def search(
             views=tuple(
                 LookedView(camera=sight.view.camera, picture=sight.name, depth=sight.depth_name) for sight in look.all
             ),
-            sightings=tuple(_recorded(s, s is best) for s in sightings),
+            sightings=tuple(_recorded(s, best is not None and s.place is best.place) for s in sightings),
             returns=tuple(facade_returns(look.across)),
             render_s=look.observation.timings_s.get("render", 0.0),
             seconds=round(reply.seconds, 4),
@@ -102,12 +104,10 @@ def _remember_elsewhere(step: Step, sightings: list[Sighting], claim: float) -> 
             step.update(elsewhere=step.state.elsewhere | {"floor": f"on another floor, about {place.z:.0f} m high"})
 
 
-async def _remember_another(
-    step: Step, look: Look, best: Sighting | None, sure: list[Sighting], *, judged: bool
-) -> None:
+async def _remember_another(step: Step, look: Look, best: Sighting, sure: list[Sighting], *, judged: bool) -> None:
     """Where a second thing as asked for was surely seen beside the best: then the request fits two windows.
     `judged`: the sightings were held against the building searched. Raises PortError."""
-    if best is None or best.place is None or best not in sure:
+    if best.place is None:
         return
     for other in sure:
         there = other.place
@@ -143,14 +143,15 @@ def _claim_confidence(step: Step, answer: FindObjectAnswer) -> float:
 
 
 def _judged(step: Step, look: Look, answer: FindObjectAnswer, claim: float) -> list[Sighting]:
-    """The matches worth a judgement, each held against depth, height, and what was dismissed before."""
+    """The things of which the matches are worth a judgement, each held against depth, height, and what was dismissed
+    before; the most confident first."""
     worth = min(claim, step.settings.sightings.candidate_confidence) if looks_again(step) else claim
     sightings = []
-    for match in answer.matches:
-        sight = look.sights.get(match.camera)
-        if sight is not None and match.confidence >= worth:
+    for camera, sight in look.sights.items():
+        matches = (m for m in answer.matches if m.camera == camera and m.confidence >= worth)
+        for match in joined(matches, sight):
             sightings.append(_judge(step, match, sight, claimable=match.confidence >= claim))
-    return sightings
+    return sorted(sightings, key=lambda s: -s.match.confidence)
 
 
 def _judge(step: Step, match: Match, sight: Sight, *, claimable: bool) -> Sighting:
@@ -174,13 +175,14 @@ def _of_target(sightings: list[Sighting], on_target: Callable[[Point3], bool]) -
 
 
 def _best(sightings: list[Sighting], near: Point3 | None) -> Sighting | None:
-    """The most confident sighting that was not rejected, or the one closest to `near`."""
+    """The clearest sighting of the thing seen most surely, or of the one closest to `near`, among those that were not
+    rejected."""
     kept = [s for s in sightings if s.rejected is None and s.place is not None]
     if not kept:
         return None
     if near is None:
-        return kept[0]
-    return min(kept, key=lambda s: distance_m(s.place, near) if s.place else math.inf)
+        return clearest(kept, kept[0])
+    return clearest(kept, min(kept, key=lambda s: distance_m(s.place, near) if s.place else math.inf))
 
 
 def _seen_by(look: Look, best: Sighting | None) -> str | None:
