@@ -147,9 +147,11 @@ def _judged(step: Step, look: Look, answer: FindObjectAnswer, claim: float) -> l
     before; the most confident first."""
     worth = min(claim, step.settings.sightings.candidate_confidence) if looks_again(step) else claim
     sightings = []
-    for camera, sight in look.sights.items():
-        matches = (m for m in answer.matches if m.camera == camera and m.confidence >= worth)
-        for match in joined(matches, sight):
+    for camera in dict.fromkeys(match.camera for match in answer.matches):
+        sight = look.sights.get(camera)
+        if sight is None:
+            continue
+        for match in joined((m for m in answer.matches if m.camera == camera and m.confidence >= worth), sight):
             sightings.append(_judge(step, match, sight, claimable=match.confidence >= claim))
     return sorted(sightings, key=lambda s: -s.match.confidence)
 
