@@ -179,12 +179,14 @@ Attempt = Literal["from_here", "from_farther_off"]
 
 
 class ClimbTo(Wire):
-    """Straight up or down to `to_m` above ground, then `then`."""
+    """Straight up or down to `to_m` above ground, then `then`. `seen_m`: the height to which the last flight of it led,
+    where that was not all the way."""
 
     to_m: float
     why: str
     then: AfterClimb
     attempt: Attempt = "from_here"
+    seen_m: float | None = None
 
 
 class Climb(ClimbTo):

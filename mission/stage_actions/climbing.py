@@ -25,18 +25,20 @@ async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb:
     to_m = stage.to_m
     if to_m > pose.z:
         to_m = min(to_m, step.drone.vehicle.ceiling_m - BELOW_CEILING_M)
-        if to_m < pose.z + CLOSE_ENOUGH_M:
+        if to_m < stage.to_m and to_m < max(pose.z, stage.seen_m or pose.z) + CLOSE_ENOUGH_M:
             return _over_the_roof(step, stage)
-    why = stage.why if to_m == stage.to_m else f"{stage.why}, as far as seen"
+    seen_m = to_m if to_m != stage.to_m else None
+    why = stage.why if seen_m is None else f"{stage.why}, as far as seen"
     step.plan_flight((above(pose, to_m),) if to_m > pose.z else way_down(step, to_m), pose.yaw, why)
-    return CheckClimb.model_validate(stage.model_dump(exclude={"at"}))
+    return CheckClimb.model_validate(stage.model_dump(exclude={"at"}) | {"seen_m": seen_m})
 
 
 async def check_climb(step: Step, stage: CheckClimb) -> Climb | AfterClimb:
     """Raises MissionEnd (blocked) where neither attempt came through; PortError."""
     pose = step.pose
     if step.state.arrived:
-        if stage.to_m - pose.z < CLOSE_ENOUGH_M:
+        # a drone rests where it can, half a metre beside perhaps: what led all the way is not flown again
+        if stage.seen_m is None or stage.to_m - pose.z < CLOSE_ENOUGH_M:
             return stage.then
         await step.look_ahead()  # what is seen from here may let it go on
         return Climb.model_validate(stage.model_dump(exclude={"at"}))

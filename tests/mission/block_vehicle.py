@@ -50,7 +50,8 @@ class Leg(NamedTuple):
 
 
 class BlockVehicle:
-    """Flies at `SPEED_M_S`; `pace`: seconds of wall time for a second of flight; `slow_s`: slept at every look."""
+    """Flies at `SPEED_M_S`; `pace`: seconds of wall time for a second of flight; `slow_s`: slept at every look;
+    `rests_below_m`: so far below the end of its path it comes to rest."""
 
     def __init__(
         self,
@@ -62,8 +63,10 @@ class BlockVehicle:
         slow_s: float = 0.0,
         size: int = SIZE,
         away: Away = lambda: False,
+        rests_below_m: float = 0.0,
     ) -> None:
         self.block = block
+        self._rests_below_m = rests_below_m
         self._away = away
         self.looks = 0
         self.holds = 0
@@ -191,7 +194,8 @@ class BlockVehicle:
                 told = {"number": number, "state": state, "pose": self.pose, "share": min(1.0, share)}
                 progress(MoveProgress.model_validate(told))
 
-        for goal in corners[1:]:
+        rests_at = (*corners[-1][:2], corners[-1][2] - self._rests_below_m)
+        for goal in [*corners[1:], *([rests_at] if self._rests_below_m else [])]:
             begin = self._place
             before_m = flown_m
             leg = await self._leg(goal, lambda m, so_far=before_m: tell("flying", 0.999 * (so_far + m) / whole_m))
@@ -285,6 +289,7 @@ class BlockWorld:
     block: Block = field(default_factory=Block)
     pace: float = 0.0
     slow_s: float = 0.0
+    rests_below_m: float = 0.0
     vehicles: dict[str, BlockVehicle] = field(default_factory=dict)
     verdicts: dict[str, Verdict] = field(default_factory=dict)
     boarded: str = ""
@@ -314,7 +319,13 @@ class BlockWorld:
             name = self._by_key[key] = f"e{len(self.vehicles) + 1}"
             self.begun_at = time.time()
             self.vehicles[name] = BlockVehicle(
-                self.block, name, question.rig, pace=self.pace, slow_s=self.slow_s, away=lambda: self.away
+                self.block,
+                name,
+                question.rig,
+                pace=self.pace,
+                slow_s=self.slow_s,
+                rests_below_m=self.rests_below_m,
+                away=lambda: self.away,
             )
         return await self.resume(self._by_key[key])
 

@@ -121,6 +121,14 @@ async def test_direct_count_comes_back_to_the_facade_over_what_stands_behind_the
     assert result.outcome == "delivered"
 
 
+async def test_a_drone_that_rests_below_where_it_is_sent_flies_no_climb_twice() -> None:
+    log = Events()
+    result = await fly(BlockWorld(rests_below_m=0.4), log=log)
+    assert result.outcome == "delivered"
+    said = [event.message for event in log.of("move") if event.phase == "floors"]
+    assert all(a != b or "as far as seen" in a for a, b in itertools.pairwise(said)), said
+
+
 async def test_steps_count_stops_with_a_model_query_and_several_queries_at_one_stop_once() -> None:
     log = Events()
     result = await fly(BlockWorld(BEHIND), log=log)
