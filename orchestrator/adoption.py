@@ -6,7 +6,7 @@ from datetime import datetime
 from pathlib import Path
 
 from mission.record import DELIVERY_ID, is_being_written, read_delivery, read_events
-from orchestrator.records import size_of
+from orchestrator.record_files import FolderFiles
 from orchestrator.store.deliveries import DeliveryStore
 
 log = logging.getLogger("orchestrator.adoption")
@@ -39,7 +39,7 @@ def _adopted(folder: Path, store: DeliveryStore) -> bool:
         "lane": "prompt",
         "events": len(events),
         "told": "done",
-        "record_bytes": size_of(folder),
+        "record_bytes": FolderFiles(folder.parent).size(folder.name),
     }
     return store.add(values, events)
 

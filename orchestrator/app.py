@@ -7,7 +7,6 @@ from typing import Annotated
 
 import anyio.to_thread
 from fastapi import FastAPI, Header, Query, Request, Response
-from fastapi.responses import FileResponse
 from pydantic import AwareDatetime
 from sqlalchemy.exc import DBAPIError
 from sse_starlette import EventSourceResponse, ServerSentEvent
@@ -24,7 +23,7 @@ from orchestrator.overview_routes import add_overview_routes
 from orchestrator.shared_answers import PING_S, LastEventId, file_answer, number_after, step_stream
 from orchestrator.store.upkeep import Page
 from service_kit.app import Check, create_app
-from service_kit.errors import Conflict, NotFound, TooMany, error_answers, error_response
+from service_kit.errors import Conflict, NotFound, TooMany, Unavailable, error_answers, error_response
 
 log = logging.getLogger("orchestrator.app")
 
@@ -126,12 +125,12 @@ def build_app(
     @app.get(
         "/v1/deliveries/{delivery_id}/files/{file}",
         tags=["deliveries"],
-        response_class=FileResponse,
-        responses=_NOT_FOUND,
+        response_class=Response,
+        responses=error_answers(NotFound, Unavailable),
     )
-    async def get_file(delivery_id: str, file: str) -> FileResponse:
+    async def get_file(delivery_id: str, file: str) -> Response:
         """A picture that an event names, `summary.png`, `events.jsonl`, `result.json` or `question.json`."""
-        return file_answer(await deliveries.picture(delivery_id, file))
+        return file_answer(await deliveries.file(delivery_id, file))
 
     @app.get("/v1/vehicles", tags=["fleet"])
     async def list_vehicles() -> FleetList:

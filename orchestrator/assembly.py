@@ -14,6 +14,7 @@ from orchestrator.intake import Intake
 from orchestrator.keeper import Keeper
 from orchestrator.order_form import OrderForm
 from orchestrator.overview import Overlook
+from orchestrator.record_files import FolderFiles
 from orchestrator.records import Records
 from orchestrator.retention import Keep, Retention
 from orchestrator.roll_call import RollCall
@@ -89,15 +90,19 @@ class Orchestrator:
     async def start(self) -> None:
         """Takes up what is there, and what comes."""
         await self.fleet.register()
-        adopted = partial(asyncio.to_thread, adopt, self._records.runs, self._store)
-        await adopted()
+        await self._adopt()
         await self._engine.launch(await asyncio.to_thread(self._vehicles.room))
         await self._keeper.start()
-        self._keeper.every(ADOPT_EVERY_S, adopted)
+        self._keeper.every(ADOPT_EVERY_S, self._adopt)
         self._keeper.every(ASK_VEHICLES_EVERY_S, self.fleet.call)
         self._keeper.every(CLEAR_EVERY_S, partial(asyncio.to_thread, self._retention.clear))
         if self._webhooks is not None:
             self._keeper.every(TELL_EVERY_S, partial(tell_untold, self._upkeep, self._engine))
+
+    async def _adopt(self) -> None:
+        """Other programs write into a folder, and never into a bucket."""
+        if isinstance(self._records.files, FolderFiles):
+            await asyncio.to_thread(adopt, self._records.files.runs, self._store)
 
     async def usable(self) -> str | None:
         """What is wrong with the database; null when all is well."""

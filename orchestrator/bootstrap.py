@@ -7,8 +7,10 @@ from mission.clients import Services
 from orchestrator.access import Access, signing_key
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
+from orchestrator.bucket_files import Bucket, opened
 from orchestrator.deliveries import Bounds
 from orchestrator.fleet import Fleet, read_fleet
+from orchestrator.record_files import FolderFiles, RecordFiles
 from orchestrator.records import Records
 from orchestrator.retention import Keep
 from orchestrator.settings import OrchestratorSettings
@@ -27,7 +29,7 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     orchestrator = Orchestrator(
         database,
         fleet,
-        Records(settings.runs_dir),
+        Records(_record_files(settings)),
         Policy(settings.answer_within_s, settings.service_within_s, settings.max_flights, settings.flight_limits),
         Bounds(waiting=settings.max_waiting_deliveries),
         lost_after_s=settings.lost_after_s,
@@ -42,6 +44,13 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
     )
     checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
     return build_app(orchestrator, checks=checks, access=access, on_close=fleet.close)
+
+
+def _record_files(settings: OrchestratorSettings) -> RecordFiles:
+    if settings.records_url is None:
+        return FolderFiles(settings.runs_dir)
+    keys = revealed(settings.aws_access_key_id), revealed(settings.aws_secret_access_key)
+    return opened(Bucket(settings.records_url, settings.aws_endpoint_url, settings.aws_region, *keys))
 
 
 def _webhook(settings: OrchestratorSettings) -> Webhook | None:

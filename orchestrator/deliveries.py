@@ -6,7 +6,6 @@ import json
 import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from pydantic import ValidationError
 
@@ -19,11 +18,12 @@ from orchestrator.delivery import BadDelivery, Order
 from orchestrator.hangar import Hangar
 from orchestrator.intake import Intake
 from orchestrator.keeper import Keeper
-from orchestrator.records import Records, delivery_of, shown_file
+from orchestrator.record_files import Shown, shown_file
+from orchestrator.records import Records
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
 from orchestrator.store.upkeep import Page, UpkeepStore
 from orchestrator.watch import Watch
-from service_kit.errors import BadQuestion, Conflict, NotFound, ServiceError, TooMany
+from service_kit.errors import BadQuestion, Conflict, NotFound, ServiceError, TooMany, Unavailable
 
 PREFLIGHT_S = 10.0
 """How long the gateway may take to say whether there is a model; it may have to load it."""
@@ -114,7 +114,7 @@ class Deliveries:
                 "key of its own",
                 code="idempotency_key_reused",
             )
-        return delivery_of(known, self._records.runs)
+        return self._records.told(known)
 
     async def _check_room(self) -> None:
         if time.monotonic() > self._counted + COUNT_EVERY_S:
@@ -155,14 +155,14 @@ class Deliveries:
 
     async def get(self, name: str) -> Delivery:
         """Raises NotFound."""
-        return delivery_of(await self._stored(name), self._records.runs)
+        return self._records.told(await self._stored(name))
 
     async def list(self, page: Page) -> DeliveryList:
         """The newest first. Raises NotFound for a page that begins before no delivery."""
         if page.before is not None:
             await self._stored(page.before)
         found = await asyncio.to_thread(self._upkeep.page, replace(page, limit=page.limit + 1))
-        shown = tuple(delivery_of(stored, self._records.runs) for stored in found[: page.limit])
+        shown = tuple(self._records.told(stored) for stored in found[: page.limit])
         return DeliveryList(deliveries=shown, next=shown[-1].id if len(found) > page.limit else None)
 
     async def cancel(self, name: str) -> Delivery:
@@ -176,7 +176,7 @@ class Deliveries:
             stored = await self._stored(name)
             if stored.status != "done":
                 await self._watch.changed(name, stored.version, give_up - time.monotonic())
-        return delivery_of(stored, self._records.runs)
+        return self._records.told(stored)
 
     async def events(self, name: str, after: int = 0) -> AsyncIterator[Event]:
         """All events numbered above `after`: those that were, then those to come, until the delivery is done."""
@@ -191,13 +191,16 @@ class Deliveries:
                 return
             await self._watch.changed(name, stored.version)
 
-    async def picture(self, name: str, file: str) -> Path:
-        """A file of a record that may be shown. Raises NotFound."""
-        folder = self._records.runs / (await self._stored(name)).id
-        path = await asyncio.to_thread(shown_file, folder, file)
-        if path is None:
+    async def file(self, name: str, file: str) -> Shown:
+        """A file of a record that may be shown. Raises NotFound, Unavailable."""
+        stored = await self._stored(name)
+        try:
+            found = await asyncio.to_thread(shown_file, self._records.files, stored.id, file)
+        except OSError:
+            raise Unavailable("records can't be read now; try again later", code="no_records") from None
+        if found is None:
             raise NotFound(f"the record of {name} has no {file[:80]} (yet)")
-        return path
+        return found
 
     async def _stored(self, name: str) -> StoredDelivery:
         if not DELIVERY_ID.fullmatch(name):

@@ -1,20 +1,22 @@
-"""The log of a delivery that the database keeps: a step's events are held until the step is done, its pictures go to
-the record's folder at once."""
+"""The log of a delivery that the database keeps: a step's events are held until the step is done, and its
+pictures are written before it is."""
 
 import time
-from pathlib import Path
 
 from contracts.event_data import EventData
 from contracts.events import KnownEvent, new_event
 from contracts.orchestrator import Phase
 from mission.record import Pictures
+from orchestrator.record_files import PICTURES, RecordFiles
 
 
 class StepLog:
-    """Events that follow number `told`; `begun`: when the record began, in seconds since 1970."""
+    """Events of a delivery that follow number `told`; `begun`: when the record began, in seconds since 1970."""
 
-    def __init__(self, folder: Path, begun: float, told: int) -> None:
-        self._folder = folder
+    def __init__(self, files: RecordFiles, delivery: str, begun: float, told: int) -> None:
+        self._files = files
+        self._delivery = delivery
+        self._pictures: dict[str, bytes] = {}
         self._begun = begun
         self._told = told
         self._held: list[KnownEvent] = []
@@ -33,7 +35,7 @@ class StepLog:
         names = []
         for short, jpeg in (pictures() if pictures is not None else {}).items():
             name = f"{number:04d}_{short}.jpg"
-            (self._folder / "pictures" / name).write_bytes(jpeg)
+            self._pictures[PICTURES + name] = jpeg
             names.append(name)
         time_s = round(max(0.0, time.time() - self._begun), 3)
         self._held.append(new_event(data, number=number, time_s=time_s, phase=phase, message=message, pictures=names))
@@ -41,6 +43,12 @@ class StepLog:
     def held(self) -> list[tuple[int, str]]:
         """The numbers and texts of the step's events."""
         return [(event.number, event.model_dump_json()) for event in self._held]
+
+    def write_pictures(self) -> None:
+        """Those of the held events, before anybody hears of them. Raises OSError."""
+        if self._pictures:
+            self._files.write(self._delivery, self._pictures)
+            self._pictures.clear()
 
     def kept(self) -> None:
         """The held events are in the database."""
@@ -50,3 +58,4 @@ class StepLog:
     def dropped(self) -> None:
         """The step is not to count: it will be done again."""
         self._held.clear()
+        self._pictures.clear()

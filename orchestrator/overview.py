@@ -7,7 +7,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 from contracts.orchestrator import Delivery, OpenQuestion
 from contracts.overview import (
@@ -23,6 +22,7 @@ from contracts.overview import (
 )
 from orchestrator.deliveries import Deliveries
 from orchestrator.newest import Newest
+from orchestrator.record_files import Shown
 from orchestrator.roll_call import RollCall
 from orchestrator.store.lines import Chosen, LineStore, StoredLine
 from orchestrator.streets import Streets
@@ -122,12 +122,12 @@ class Overlook:
             picture=await self._picture_of_stop(delivery) is not None,
         )
 
-    async def picture(self, name: str) -> Path:
-        """Of the stop. Raises NotFound."""
+    async def picture(self, name: str) -> Shown:
+        """Of the stop. Raises NotFound, Unavailable."""
         file = await self._picture_of_stop(await self._deliveries.get(name))
         if file is None:
             raise NotFound("there is no picture of the stop (yet)")
-        return await self._deliveries.picture(name, file)
+        return await self._deliveries.file(name, file)
 
     async def _picture_of_stop(self, delivery: Delivery) -> str | None:
         """The file of the last picture that shows the window; null before the drone has stopped at one."""

@@ -1,7 +1,7 @@
 """What the pages ask beside the deliveries: the overview, the drones, the streets, the order form."""
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
+from fastapi.responses import Response
 
 from contracts.overview import DroneSeen, OrderOptions, Overview, Reading, ReadingQuestion, StreetPlan, Tracking
 from orchestrator.order_form import OrderForm
@@ -43,10 +43,10 @@ def add_overview_routes(app: FastAPI, overlook: Overlook, form: OrderForm) -> No
     @app.get(
         "/v1/deliveries/{delivery_id}/tracking/picture",
         tags=["viewer"],
-        response_class=FileResponse,
+        response_class=Response,
         responses=_NOT_FOUND,
     )
-    async def get_customers_picture(delivery_id: str) -> FileResponse:
+    async def get_customers_picture(delivery_id: str) -> Response:
         """The picture of the stop."""
         return file_answer(await overlook.picture(delivery_id))
 

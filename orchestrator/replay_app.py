@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from fastapi import FastAPI, Header
-from fastapi.responses import FileResponse, HTMLResponse, Response
+from fastapi.responses import HTMLResponse, Response
 from sse_starlette import EventSourceResponse
 
 from contracts.access import Session
@@ -54,8 +54,8 @@ def build_replay_app(replays: Replays) -> FastAPI:
     async def get_street(delivery_id: str) -> StreetPlan:
         return await replays.street(delivery_id)
 
-    @app.get("/v1/deliveries/{delivery_id}/files/{file}", response_class=FileResponse, responses=_NOT_FOUND)
-    async def get_file(delivery_id: str, file: str) -> FileResponse:
+    @app.get("/v1/deliveries/{delivery_id}/files/{file}", response_class=Response, responses=_NOT_FOUND)
+    async def get_file(delivery_id: str, file: str) -> Response:
         return file_answer(await replays.file(delivery_id, file))
 
     return app

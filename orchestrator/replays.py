@@ -19,7 +19,7 @@ from mission.record import (
     read_question,
     read_result,
 )
-from orchestrator.records import shown_file
+from orchestrator.record_files import FolderFiles, Shown, shown_file
 from orchestrator.store.lines import Chosen
 from orchestrator.streets import street_of
 from service_kit.errors import NotFound
@@ -84,13 +84,13 @@ class Replays:
             raise NotFound(f"the record {name} does not tell its street")
         return street
 
-    async def file(self, name: str, file: str) -> Path:
+    async def file(self, name: str, file: str) -> Shown:
         """A file of a record that may be shown. Raises NotFound."""
         await self.get(name)
-        path = await asyncio.to_thread(shown_file, self._folder / name, file)
-        if path is None:
+        found = await asyncio.to_thread(shown_file, FolderFiles(self._folder), name, file)
+        if found is None:
             raise NotFound(f"the record of {name} has no {file[:80]} (yet)")
-        return path
+        return found
 
     def _street(self, name: str) -> StreetPlan | None:
         if name not in self._streets:

@@ -1,6 +1,5 @@
 """Records and deliveries that are kept long enough are thrown away."""
 
-import shutil
 import time
 from dataclasses import dataclass
 
@@ -20,7 +19,7 @@ class Keep:
 
 
 class Retention:
-    """Deletes the folder of a delivery first, and then its row: what is broken off is done again."""
+    """Deletes the files of a delivery first, and then its row: what is broken off is done again."""
 
     def __init__(self, store: UpkeepStore, records: Records, keep: Keep) -> None:
         self._store = store
@@ -32,7 +31,7 @@ class Retention:
         count = 0
         while names := self._next():
             for name in names:
-                shutil.rmtree(self._records.runs / name, ignore_errors=True)
+                self._records.files.delete(name)
             self._store.delete(names)
             count += len(names)
         return count

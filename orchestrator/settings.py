@@ -28,8 +28,21 @@ class OrchestratorSettings(Connections, ServiceSettings):
     )
     session_hours: int = Field(12, ge=1, le=8760, description="Hours until a browser has to log in again.")
     runs_dir: Path = Field(
-        Path("runs"), description="The folder of the deliveries' records; the same one for all orchestrators."
+        Path("runs"),
+        description="The folder of the deliveries' records; the same one for all orchestrators, unless there is a "
+        "`RECORDS_URL`.",
     )
+    records_url: str | None = Field(
+        None,
+        description="Where the deliveries' records are kept instead: `s3://bucket/prefix`, in any store that speaks "
+        "S3; `RUNS_DIR` is then each orchestrator's own.",
+    )
+    aws_endpoint_url: HttpAddress | None = Field(None, description="The store of `RECORDS_URL`; unset: Amazon's.")
+    aws_region: str | None = Field(None, description="The region of the bucket of `RECORDS_URL`.")
+    aws_access_key_id: Secret | None = Field(
+        None, description="Whose key opens that bucket; unset: what AWS's own programs would take."
+    )
+    aws_secret_access_key: Secret | None = Field(None, description="The key itself.")
     database_url: Secret | None = Field(
         None,
         description="Where deliveries are kept: `postgresql://user:password@host/name` for several orchestrators; "

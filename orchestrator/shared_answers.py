@@ -1,16 +1,17 @@
 """What the orchestrator and the pages over a run's records take and answer alike."""
 
 from collections.abc import AsyncIterator
-from pathlib import Path
+from mimetypes import guess_type
 from typing import Annotated
 
 from fastapi import Depends, Header, Query
-from fastapi.responses import FileResponse
+from fastapi.responses import Response
 from sse_starlette import ServerSentEvent
 
 from contracts.base import Name
 from contracts.events import Event
 from contracts.orchestrator import DeliveryStatus, OutcomeName
+from orchestrator.record_files import Shown
 from orchestrator.store.lines import Chosen
 
 PING_S = 10
@@ -43,6 +44,7 @@ async def step_stream(events: AsyncIterator[Event]) -> AsyncIterator[ServerSentE
     yield ServerSentEvent(data="{}", event="end")
 
 
-def file_answer(path: Path) -> FileResponse:
+def file_answer(shown: Shown) -> Response:
     """A file of a record."""
-    return FileResponse(path, headers={"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"})
+    headers = {"x-content-type-options": "nosniff", "cache-control": "private, max-age=60"}
+    return Response(shown.content, media_type=guess_type(shown.name)[0] or "text/plain", headers=headers)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,8 +18,8 @@ from contracts.events import (
     StandOffEvent,
     VerdictEvent,
 )
-from contracts.orchestrator import Delivery, DeliveryResult
-from mission.record import read_delivery, read_events, track_of
+from contracts.orchestrator import DeliveryResult
+from mission.record import read_delivery, read_events, track_of, write_whole
 from mission.wording import counted
 from service_kit.lettering import draw_text, text_width, wrapped
 
@@ -40,30 +41,35 @@ WAITING: Colour = (232, 156, 44)
 
 
 def draw_summary(folder: Path) -> Path:
-    """Writes `summary.png` into a record's folder: start, floor count, sighting, last view, the way flown.
+    """Writes `summary.png` into a record's folder.
 
     Raises ValueError where the folder holds no record, OSError where it can't be written.
     """
     delivery, events = read_delivery(folder), read_events(folder)
     if delivery is None or delivery.result is None:
         raise ValueError(f"{folder} holds no record of a delivery")
+    path = folder / "summary.png"
+    write_whole(path, summary_of(delivery.request, delivery.result, events, partial(_picture_in, folder)))
+    return path
+
+
+def summary_of(
+    request: str, result: DeliveryResult, events: Sequence[Event], picture: Callable[[str], bytes | None]
+) -> bytes:
+    """A PNG file: start, floor count, sighting, last view, the way flown. `picture` gives the record's by name."""
     height = HEAD + 52 + PANEL + MARGIN + PLAN + MARGIN
     canvas: Canvas = np.full((height, WIDTH, 3), PAPER, np.uint8)
-    _head(canvas, delivery, delivery.result)
+    _head(canvas, request, result)
     for at, panel in enumerate(_panels(events)):
-        picture = _read(folder, panel.picture)
-        if picture is not None and panel.middle is not None:
-            picture = _closer(picture, panel.middle)
-        _panel(canvas, MARGIN + at * (PANEL + MARGIN), HEAD, f"{at + 1}  {panel.title}", picture)
+        shown = None if panel.picture is None else _decoded(picture(panel.picture))
+        if shown is not None and panel.middle is not None:
+            shown = _closer(shown, panel.middle)
+        _panel(canvas, MARGIN + at * (PANEL + MARGIN), HEAD, f"{at + 1}  {panel.title}", shown)
     top = HEAD + 52 + PANEL + MARGIN
     _plan(canvas[top : top + PLAN, MARGIN : MARGIN + 2 * PANEL + MARGIN], events)
-    _facts(canvas, 2 * (PANEL + MARGIN) + MARGIN, top, delivery.result, events)
-    path = folder / "summary.png"
-    part = folder / "summary.part.png"
-    if not cv2.imwrite(str(part), cv2.cvtColor(canvas, cv2.COLOR_RGB2BGR)):
-        raise OSError(f"{part} could not be written")
-    part.replace(path)
-    return path
+    _facts(canvas, 2 * (PANEL + MARGIN) + MARGIN, top, result, events)
+    _, png = cv2.imencode(".png", cv2.cvtColor(canvas, cv2.COLOR_RGB2BGR))
+    return png.tobytes()
 
 
 class Panel(NamedTuple):
@@ -112,13 +118,20 @@ def _named(events: Sequence[Event], short: str) -> str | None:
     return next((name for e in reversed(events) if (name := e.picture(short)) is not None), None)
 
 
-def _read(folder: Path, name: str | None) -> Canvas | None:
-    image = cv2.imread(str(folder / "pictures" / name)) if name else None
+def _picture_in(folder: Path, name: str) -> bytes | None:
+    try:
+        return (folder / "pictures" / name).read_bytes()
+    except OSError:
+        return None
+
+
+def _decoded(jpeg: bytes | None) -> Canvas | None:
+    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR) if jpeg else None
     return None if image is None else cv2.cvtColor(image, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
 
 
-def _head(canvas: Canvas, delivery: Delivery, result: DeliveryResult) -> None:
-    lines = wrapped(f'"{delivery.request}"', WIDTH - 2 * MARGIN - 330, 26)[:2]
+def _head(canvas: Canvas, request: str, result: DeliveryResult) -> None:
+    lines = wrapped(f'"{request}"', WIDTH - 2 * MARGIN - 330, 26)[:2]
     for at, line in enumerate(lines):
         draw_text(canvas, line, (MARGIN, 52 + 38 * at), 26, INK)
     label = result.outcome.replace("_", " ")

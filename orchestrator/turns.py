@@ -73,8 +73,8 @@ class Turn:
         self._state = _unpacked(stored.state) or begin(self._order.request, stored.id)
         self._vehicle = stored.vehicle
         self._flights = stored.flights
-        folder = tools.records.open(stored, self._order)
-        self._log = StepLog(folder, stored.begun or time.time(), stored.events)
+        tools.records.open(stored, self._order)
+        self._log = StepLog(tools.records.files, stored.id, stored.begun or time.time(), stored.events)
         patience_s = self._order.question.answer_within_s
         self._customer = StoredCustomer(
             tools.store, stored.id, tools.policy.answer_within_s if patience_s is None else patience_s
@@ -216,6 +216,7 @@ class Turn:
 
     async def _park(self, following: Following) -> None:
         """Ends the turn."""
+        await asyncio.to_thread(self._log.write_pictures)
         store, told = self._tools.store, self._told(None if following.question else "waiting")
         held = self._log.held()
         await asyncio.to_thread(store.park, self._stored.id, self._version, told, held, following)
@@ -229,12 +230,13 @@ class Turn:
             self._log.write(number, "done", f"{result.outcome}: {result.message}", result)
         told = await asyncio.to_thread(self._tools.store.events, self._stored.id, 0, 100_000)
         lines = [*told, *(text for _, text in self._log.held())]
-        size = await asyncio.to_thread(self._tools.records.complete, self._stored.id, lines, result)
+        size = await asyncio.to_thread(self._tools.records.complete, self._stored, lines, result)
         done = {"executor": None, "due": None, "state": None, "phase": "done", "ended": time.time()}
         await self._commit(done | {"result": result.model_dump_json(), "record_bytes": size}, "done")
 
     async def _commit(self, changes: Mapping[str, object] | None = None, status: DeliveryStatus | None = None) -> None:
         """Writes state and events. Raises Superseded."""
+        await asyncio.to_thread(self._log.write_pictures)
         told = self._told(status) | dict(changes or {})
         commit = self._tools.store.commit
         self._version = await asyncio.to_thread(commit, self._stored.id, self._version, told, self._log.held())

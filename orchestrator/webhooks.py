@@ -16,7 +16,7 @@ import aiohttp
 
 from contracts.orchestrator import StatusMessage
 from orchestrator.engine import Engine
-from orchestrator.records import Records, delivery_of
+from orchestrator.records import Records
 from orchestrator.store.deliveries import DeliveryStore
 from orchestrator.store.upkeep import UpkeepStore
 
@@ -49,7 +49,7 @@ class Webhooks:
         stored = await asyncio.to_thread(self._store.get, name)
         if stored is None:  # thrown away meanwhile
             return
-        delivery = delivery_of(stored, self._records.runs)
+        delivery = self._records.told(stored)
         message = StatusMessage(type=f"delivery.{stored.status}", timestamp=datetime.now(UTC), data=delivery)
         body = message.model_dump_json().encode()
         headers = signed(self._webhook.secret, message_id, int(time.time()), body)

@@ -18,6 +18,7 @@ from orchestrator.assembly import Orchestrator
 from orchestrator.deliveries import Bounds
 from orchestrator.delivery import Order
 from orchestrator.hangar import FlownWith, Hangar, Member, SignOfLife
+from orchestrator.record_files import FolderFiles, RecordFiles
 from orchestrator.records import Records
 from orchestrator.store.database import Database
 from orchestrator.turns import Policy
@@ -99,11 +100,12 @@ class Door:
         flights: int = 3,
         webhook: Webhook | None = None,
         port: int | None = None,
+        files: RecordFiles | None = None,
     ) -> None:
         orchestrator = Orchestrator(
             Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
             hangar or BlockSimulators(max_live, {"simulator": world}, vision),
-            Records(runs),
+            Records(FolderFiles(runs) if files is None else files),
             Policy(patience_s, service_within_s, flights),
             Bounds(waiting=max_waiting),
             poll_s=0.05,

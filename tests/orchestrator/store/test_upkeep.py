@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from orchestrator.record_files import FolderFiles
 from orchestrator.records import Records
 from orchestrator.retention import Keep, Retention
 from orchestrator.store.database import Database
@@ -72,7 +73,7 @@ def test_deliveries_go_when_they_are_too_old_and_the_others_stay(database: Datab
     store.add(row("old", status="done", ended=NOW - 3 * 86_400), [(1, "event")])
     store.add(row("new", status="done", ended=NOW - 1 * 86_400))
     (tmp_path / "old" / "pictures").mkdir(parents=True)
-    retention = Retention(UpkeepStore(database.engine), Records(tmp_path), Keep(days=2))
+    retention = Retention(UpkeepStore(database.engine), Records(FolderFiles(tmp_path)), Keep(days=2))
     assert retention.clear() == 1
     assert not (tmp_path / "old").exists()
     assert (store.get("old"), store.events("old", 0)) == (None, [])
@@ -83,5 +84,5 @@ def test_deliveries_go_when_they_are_too_old_and_the_others_stay(database: Datab
 def test_the_oldest_finished_go_where_records_take_too_much(database: Database, tmp_path: Path) -> None:
     store = filled(database, 4, status="done", record_bytes=100)
     store.add(row("flying", status="flying", created=NOW - 9))
-    assert Retention(UpkeepStore(database.engine), Records(tmp_path), Keep(max_bytes=250)).clear() == 2
+    assert Retention(UpkeepStore(database.engine), Records(FolderFiles(tmp_path)), Keep(max_bytes=250)).clear() == 2
     assert store.known(["d00", "d01", "d02", "d03", "flying"]) == {"d02", "d03", "flying"}
