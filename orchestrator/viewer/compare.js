@@ -22,7 +22,7 @@ export function makeCompare(first, second) {
       oninput: () => redraw(),
     });
   const body = el("tbody"),
-    said = el("output", { class: "time" });
+    said = el("span", { class: "time" });
   let street = null;
   const heads = ["figure", "first", "second"].map((name) => el("th", { scope: "col" }, name));
   const node = el(

@@ -1,6 +1,6 @@
 /** One delivery: where the drone is, what it sees, what it asked and decided, now and at any earlier moment. */
 import { makeCalls } from "./calls.js";
-import { el, number, onFrame, say, show, when } from "./dom.js";
+import { clockTime, el, number, onFrame, say, show, when } from "./dom.js";
 import { factsOf, makeFacts, makeLog, makeSteps } from "./facts.js";
 import { makeHeight } from "./height.js";
 import { LiveDrone } from "./live.js";
@@ -13,6 +13,9 @@ import { makeSpace } from "./space.js";
 import { makeTimeline } from "./timeline.js";
 import { makeMarked, makeViews } from "./views.js";
 import { outcomeWords, phaseWords, placeWords, stateWords } from "./wording.js";
+
+/** What arrow keys mean something to. */
+const OWN_ARROWS = "input, select, textarea, .scroll, canvas";
 
 /** `session`: {role}; `at`: the moment to show, seconds, or NaN to follow. Returns {node, stop}. */
 export function makeDelivery(id, session, at = NaN) {
@@ -156,7 +159,7 @@ export function makeDelivery(id, session, at = NaN) {
       return `Cut off: ${result.message}. Nothing more will come.`;
     if (gap) return "Some events of this delivery are missing: its record has a gap.";
     if (running && drone.stale)
-      return `The drone was last heard ${number(drone.silence, 0)} s ago; its place is not live.`;
+      return `The drone was last heard at ${clockTime(drone.heard)}; its place is not live.`;
     return "";
   }
 
@@ -227,13 +230,8 @@ export function makeDelivery(id, session, at = NaN) {
   }
 
   function key(event) {
-    if (
-      event.target.closest("input, select, textarea, button, a, .scroll, canvas") ||
-      event.ctrlKey ||
-      event.metaKey ||
-      event.altKey
-    )
-      return;
+    const own = event.key === " " ? "input, select, textarea, button, a, .scroll, canvas" : OWN_ARROWS;
+    if (event.target.closest(own) || event.ctrlKey || event.metaKey || event.altKey) return;
     const does = {
       " ": timeline.toggle,
       ArrowLeft: () => timeline.step(-1),

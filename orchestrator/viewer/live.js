@@ -27,9 +27,9 @@ export class LiveDrone {
     return !!this.last && performance.now() - this.last.at > STALE_MS;
   }
 
-  /** Seconds since something was heard. */
-  get silence() {
-    return this.last ? (performance.now() - this.last.at) / 1000 : null;
+  /** When something was heard last. */
+  get heard() {
+    return this.last ? new Date(performance.timeOrigin + this.last.at) : null;
   }
 
   /** The pose between what was told, or the last one; null where nothing was. */

@@ -153,7 +153,8 @@ export function makeOrder() {
   function placed() {
     show(file, place.value === OWN);
     const sample = options.samples.find((s) => s.name === place.value);
-    const untouched = !words.value.trim() || options.samples.some((s) => s.request === words.value);
+    const begun = document.activeElement === words;
+    const untouched = words.value.trim() ? options.samples.some((s) => s.request === words.value) : !begun;
     if (sample && untouched) words.value = sample.request;
     fly();
     later();

@@ -89,7 +89,16 @@ function frameOf(replays, street) {
           r.events.filter((e) => e.kind === "look").flatMap((e) => e.data.returns.map(([x, y]) => ({ x, y }))),
         )
         .filter((w) => near([w], way));
-  return frameAbout([...way, ...walls]);
+  return frameAbout([...way, ...replays.flatMap(plannedWays), ...walls]);
+}
+
+/** Where a search meant to go, whether or not anybody flew there. */
+function plannedWays({ events }) {
+  const searches = events.filter((e) => e.kind === "search" && e.data.drawing);
+  return searches.flatMap(({ data: { drawing, stop } }) => [
+    ...drawing.way.map(([x, y]) => ({ x, y })),
+    ...(stop ? [stop] : []),
+  ]);
 }
 
 /** The frame of a street's map: the building that is delivered to with room to fly round it, the start, the drones. */

@@ -51,7 +51,7 @@ export function makeTimeline({ seek, live, linkOf }) {
     preserveAspectRatio: "none",
     "aria-hidden": "true",
   });
-  const label = el("output", { class: "time" }),
+  const label = el("span", { class: "time" }),
     follow = el(
       "button",
       {

@@ -70,7 +70,7 @@ def test_a_drone_that_was_not_heard_is_not_shown_as_live(house: House, open_page
     expect(page.locator(".where")).to_contain_text("live")
     house.world.away = True
     try:
-        expect(page.locator(".trouble")).to_contain_text(re.compile(r"last heard \d+ s ago"))
+        expect(page.locator(".trouble")).to_contain_text(re.compile(r"last heard at \d+:\d\d:\d\d"))
         expect(page.locator(".where")).not_to_contain_text("live")
     finally:
         house.world.away, house.world.pace = False, 0.0
@@ -196,3 +196,34 @@ def test_a_delivery_prints_without_buttons_and_with_its_whole_log(house: House, 
     page.emulate_media(media="print")
     expect(page.get_by_role("button", name="Customer's link")).to_be_hidden()
     assert page.locator(".scroll").last.evaluate("e => e.scrollHeight <= e.clientHeight + 1")
+
+
+def test_what_somebody_has_begun_to_write_is_left_alone_when_the_choices_come(
+    house: House, open_page: OpenPage
+) -> None:
+    page = open_page(house.url)
+    page.route("**/v1/order-options", lambda route: (page.wait_for_timeout(800), route.continue_()))
+    page.goto(f"{house.url}/#/order")
+    words = page.get_by_label("What shall be brought where?")
+    words.focus()
+    expect(page.locator("#place option")).not_to_have_count(0)
+    expect(words).to_have_value("")
+
+
+WAY_AHEAD = """async () => {
+  const [{ makePlan }, { Replay }] = await Promise.all([import("/pages/plan.js"), import("/pages/replay.js")]);
+  const replay = new Replay(), pose = { x: 0, y: 0, z: 2, yaw: 0 };
+  const drawing = { way: [[0, 0], [60, 20]], cell_m: 1, expected: [], uninspected: [], inspected: [] };
+  replay.add({ number: 1, time_s: 0, phase: "place", kind: "placed", data: { pose } });
+  replay.add({ number: 2, time_s: 1, phase: "explore", kind: "search", data: { drawing, stop: null } });
+  const plan = makePlan();
+  plan.draw({ replay, index: 1, street: null });
+  return plan.node.querySelector("polyline.planned").getAttribute("points");
+}"""
+
+
+def test_the_way_that_is_planned_stays_in_the_plans_picture(house: House, open_page: OpenPage) -> None:
+    points = open_page(house.url).evaluate(WAY_AHEAD)
+    corners = [float(part) for point in points.split() for part in point.split(",")]
+    assert len(corners) == 4
+    assert all(0.0 <= corner <= 400.0 for corner in corners)
