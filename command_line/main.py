@@ -48,6 +48,15 @@ class LoadedWhenRun(typer.core.TyperGroup):
             signal.signal(signal.SIGINT, signal.default_int_handler)
         return name, loaded, rest
 
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            from contracts.errors import without_prefix
+
+            error.message = without_prefix(error.message)
+            raise
+
 
 app = typer.Typer(
     name="logisticsvln",

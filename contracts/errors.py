@@ -23,9 +23,14 @@ class ErrorBody(Wire):
     error: ErrorDetail
 
 
+def without_prefix(sentence: str) -> str:
+    """A sentence of ours, without the "Value error, " that the library puts before it."""
+    return sentence.removeprefix("Value error, ")
+
+
 def what_is_wrong(problem: ErrorDetails) -> str:
-    """A validation problem's sentence, without the "Value error, " that the library puts before one of ours."""
-    return str(problem["msg"]).removeprefix("Value error, ")
+    """A validation problem's sentence, as we say it."""
+    return without_prefix(str(problem["msg"]))
 
 
 def first_problem(error: ValidationError) -> str:

@@ -5,6 +5,7 @@
 
 import contextlib
 import dataclasses
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -33,6 +34,8 @@ from service_kit.connections import Connections
 from service_kit.settings import process_environment
 
 ORACLE = "oracle"
+_MISSIONS, _NOBODY = logging.getLogger("mission"), logging.NullHandler()
+"""What a mission breaks off by is raised: a program that has set up no logging is not told of it twice."""
 
 
 class Flown(NamedTuple):
@@ -154,6 +157,7 @@ class AsyncLocalServices:
             must_take(on_event, ("event",), "on_event")
         await self._check(seeing, flown_with.parser_model)
         run = Run(order, Path(out), listener=on_event)
+        _MISSIONS.addHandler(_NOBODY)
         result = await run.fly(self._simulated(own), customer)
         if run.problem is not None:
             run.problem.add_note(f"the record of the flight is in {run.record.folder}")

@@ -7,6 +7,7 @@ from typing import ClassVar, TypeAlias
 from contracts.base import Wire
 from contracts.geometry import Point3
 from contracts.orchestrator import MissionSettings, SearchSettings
+from contracts.vehicle import MAX_PATH_POINTS
 from logisticsvln.functions import call, must_take
 from mission.looks import Look
 from mission.policies.base import (
@@ -94,6 +95,8 @@ def _sound(said: object) -> Decision:
     path = tuple(said.path)
     if any(not isinstance(point, Point3) for point in path):
         raise TypeError(f"NextStop: its path is made of Point3, as ahead(look.pose, ...) gives one, not {said.path!r}")
+    if len(path) > MAX_PATH_POINTS:
+        raise ValueError(f"NextStop: its path has {len(path)} points; a flight has at most {MAX_PATH_POINTS}")
     if said.yaw is not None and not math.isfinite(said.yaw):
         raise ValueError(f"NextStop: its yaw is a number of radians, or None, not {said.yaw!r}")
     return NextStop(path, None if said.yaw is None else float(said.yaw), str(said.why))

@@ -193,11 +193,9 @@ class GuardedVehicle:
             raise FlightRefused(refusal.reason, refusal.said, Point3(x=refusal.at.x, y=refusal.at.y, z=refusal.at.z))
 
     def _space(self) -> guard.Space:
-        limits, home = self.limits, self._home
+        limits, home = self.limits, Place(self._home.x, self._home.y, self._home.z)
         radius_m = self._capabilities.radius_m + limits.min_clearance_m
-        return guard.Space(
-            Place(home.x, home.y, home.z), limits.geofence_m, limits.min_height_m, self.ceiling_m, radius_m
-        )
+        return guard.Space(home, limits.geofence_m, limits.min_height_m, self.ceiling_m, radius_m)
 
     def _check_vehicle(self, move: Move, state: VehicleState) -> None:
         limits = self.limits
@@ -207,21 +205,23 @@ class GuardedVehicle:
             raise FlightRefused("health", f"the drone reports a problem: {', '.join(state.health.problems)}")
         if self._pose is not None and (jump_m := distance_m(self._pose, state.pose)) > limits.max_pose_jump_m:
             raise FlightRefused("pose_jump", f"the drone says that it is {jump_m:.1f} m from where it was left")
-        needed_s = self._seconds(_path_m(state.pose, move.path)) + self._way_home_s()
+        way_m = _path_m(state.pose, move.path)
+        needed_s = self._seconds(way_m) + self._way_home_s()
+        needs = f"a way of {way_m:.0f} m and the way home may take {needed_s:.0f} s"
         if state.flight_s + needed_s > limits.max_flight_s:
-            raise FlightRefused("time_limit", f"{state.flight_s:.0f} s flown; {limits.max_flight_s:.0f} s are allowed")
+            flown_s, allowed_s = state.flight_s, limits.max_flight_s
+            raise FlightRefused("time_limit", f"{needs}; {flown_s:.0f} s are flown, {allowed_s:.0f} s are allowed")
         if state.battery.remaining is not None and needed_s > self._left_s(state):
-            left = f"{100 * state.battery.remaining:.0f} % of the battery is left"
-            raise FlightRefused("battery_reserve", f"{left}; {100 * limits.battery_reserve:.0f} % are kept")
+            left, kept = 100 * state.battery.remaining, 100 * limits.battery_reserve
+            raise FlightRefused("battery_reserve", f"{needs}; {left:.0f} % of the charge is left, {kept:.0f} % kept")
 
     def _must_look(self, state: VehicleState, *, climbs: bool) -> bool:
         """Is the last look too old, from elsewhere, or without the cameras that a climb needs?"""
         if not self._looks or self._clock() - self._looked_s > self.limits.max_frame_age_s:
             return True
-        last = self._looks[-1]
-        if math.dist((last.pose.x, last.pose.y, last.pose.z), (state.pose.x, state.pose.y, state.pose.z)) > HERE_M:
-            return True
-        return climbs and len(last.views) < len(self._capabilities.cameras)
+        then, here = self._looks[-1].pose, state.pose
+        elsewhere = math.dist((then.x, then.y, then.z), (here.x, here.y, here.z)) > HERE_M
+        return elsewhere or (climbs and len(self._looks[-1].views) < len(self._capabilities.cameras))
 
     def _remember(self, seen: Observation) -> guard.Look | None:
         views = []
@@ -246,8 +246,7 @@ class GuardedVehicle:
         """What the mission's own looks teach of roof and reach is part of its state; a step that is done again makes
         them again."""
         self._shown_m = max(self._shown_m, look.reach_m)
-        top_m = guard.top_beside_m(look)
-        if top_m is not None:
+        if (top_m := guard.top_beside_m(look)) is not None:
             self._top_m = max(top_m, self._top_m or 0.0)
 
     def _flown(self, before: Pose, move: Move, done: MoveResult) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from contracts.errors import what_is_wrong
 from contracts.orchestrator import Sample
 
 FOLDER = Path(__file__).parent / "samples"
@@ -28,4 +29,4 @@ def load(name: str, folder: Path = FOLDER) -> Sample:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise ValueError(f"sample {name}: {where}: {first['msg']}") from None
+        raise ValueError(f"sample {name}: {where}: {what_is_wrong(first)}") from None

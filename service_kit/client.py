@@ -17,7 +17,7 @@ from typing import Any, Self, TypeVar
 import aiohttp
 from pydantic import BaseModel, ValidationError
 
-from contracts.errors import STOPPING, ErrorBody
+from contracts.errors import STOPPING, ErrorBody, what_is_wrong
 from contracts.health import Health
 from service_kit.connections import TOKEN_VARIABLES
 from service_kit.settings import without_password
@@ -113,7 +113,9 @@ class ServiceClient:
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"]) or "body"
-            message = f"answered {method} {path} with something else than {answer.__name__}: {where}: {first['msg']}"
+            message = (
+                f"answered {method} {path} with something else than {answer.__name__}: {where}: {what_is_wrong(first)}"
+            )
             raise Garbled(self._service, message) from None
 
     async def delete(self, path: str) -> None:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from pydantic import ConfigDict, Field, ValidationError
 
 from contracts.base import Wire
+from contracts.errors import what_is_wrong
 
 
 class BadRequests(ValueError):
@@ -62,4 +63,4 @@ def _one(file: Path, number: int, line: str) -> LabelledRequest:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
-        raise BadRequests(f"{file}, line {number}: {f'{where}: ' if where else ''}{first['msg']}") from None
+        raise BadRequests(f"{file}, line {number}: {f'{where}: ' if where else ''}{what_is_wrong(first)}") from None

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
+from contracts.errors import first_problem
 from evaluation.bench.folder import read_records, read_settings, read_tasks, read_wall_s
 from evaluation.bench.run_settings import RunSettings
 from evaluation.bench.table import row
@@ -121,7 +122,7 @@ def _summary(run: Submission) -> Finding:
     except OSError as error:
         return Finding("summary.json", False, f"can't be read: {error.strerror}")
     except ValidationError as error:
-        return Finding("summary.json", False, f"is no summary: {error.errors()[0]['msg']}")
+        return Finding("summary.json", False, f"is no summary: {first_problem(error)}")
     there, here = (s.model_dump(mode="json", exclude=_OF_CLOCKS) for s in (claimed, run.summary))
     differ = [name for name in here if here[name] != there[name]]
     wrong = [f"{name} is {_short(here[name])}, it says {_short(there[name])}" for name in differ]

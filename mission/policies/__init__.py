@@ -2,6 +2,7 @@
 
 from pydantic import ValidationError
 
+from contracts.errors import what_is_wrong
 from contracts.orchestrator import MissionSettings, SearchSettings
 from mission.policies.base import AnyPolicy, SearchPolicy
 from mission.policies.contour import ContourPolicy
@@ -79,7 +80,7 @@ def _said(kind: type[AnyPolicy], search: SearchSettings, error: ValidationError)
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
     if first["type"] != "extra_forbidden":
-        return f"viewpoint.{where}: {first['msg']}"
+        return f"viewpoint.{where}: {what_is_wrong(first)}"
     said = f"viewpoint: the search policy {kind.name} has no setting {where}"
     others = [p.name for p in OWN if where in p.settings_type.model_fields]
     if others:

@@ -22,6 +22,7 @@ from urllib.parse import urlsplit
 from pydantic import Field, ValidationError
 
 from contracts.base import ModelName, Name, Wire
+from contracts.errors import what_is_wrong
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, secret
 from services.vlm_gateway.backends.extension import BUILT_IN, ExtensionModelConfig, extension_backends
@@ -272,7 +273,7 @@ def _read(path: Path) -> _File:
         place = [str(part) for part in first["loc"]]
         if len(place) > 2 and place[0] == "models" and place[2] in kinds:
             del place[2]  # pydantic's name of the variant, which is no key of the file
-        message = str(first["msg"])
+        message = what_is_wrong(first)
         if first["type"] == "extra_forbidden":
             message = f"no such key; there are {', '.join(_keys_beside(document, place))}"
         elif first["type"] in ("union_tag_not_found", "union_tag_invalid"):

@@ -108,13 +108,12 @@ class Gateway:
         """The alias that answers. Raises BadQuestion, naming the aliases there are, or Forbidden."""
         alias = named or self.roles.get(role)
         if alias is None or alias not in self.backends:
-            known = ", ".join(sorted(self.backends))
+            known = sorted(self.backends)
             what = f"no model {named!r}" if named else f"no model is configured for the role {role!r}"
             if named == "oracle":
                 what += " (ORACLE_SIM_URL and the simulator's SIM_TRUTH=on switch it on: `logisticsvln serve --oracle`)"
-            raise BadQuestion(
-                f"{what}; there are {known}", code="unknown_model", details={"models": sorted(self.backends)}
-            )
+            there = f"there {'is' if len(known) == 1 else 'are'} {', '.join(known)}"
+            raise BadQuestion(f"{what}; {there}", code="unknown_model", details={"models": known})
         if not asking.get().may_ask(alias):
             raise Forbidden(f"this key may not ask model {alias!r}; GET /v1/models lists those it may")
         return alias

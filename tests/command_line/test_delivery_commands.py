@@ -60,7 +60,7 @@ def test_a_model_that_there_is_not_is_refused_before_the_first_flight(tmp_path: 
     out = tmp_path / "runs"
     result = RUNNER.invoke(app, ["deliver", "--sample", "green-flower-pot", "--backend", "qwen", "--out", str(out)])
     assert result.exit_code == 2
-    assert "no model 'qwen'; there are embedded" in result.stderr
+    assert "no model 'qwen'; there is embedded" in result.stderr
     assert [p.name for p in out.iterdir()] == ["logs"], "nothing was flown, so there is no record"
 
 

@@ -30,12 +30,12 @@ def test_a_model_that_there_is_not_is_refused_before_the_first_question(
     out = tmp_path / "run"
     result = runner.invoke(app, [*command, "--backend", "Qwen/Qwen2.5-VL-7B-Instruct", "--out", str(out)])
     assert result.exit_code == 2, result.output
-    assert "no model 'Qwen/Qwen2.5-VL-7B-Instruct'; there are embedded" in result.stderr
+    assert "no model 'Qwen/Qwen2.5-VL-7B-Instruct'; there is embedded" in result.stderr
     assert not out.exists()
 
 
 @pytest.mark.parametrize(
-    ("parser", "said"), [("qwen", "no model 'qwen'; there are embedded"), ("embedded", "reads no requests")]
+    ("parser", "said"), [("qwen", "no model 'qwen'; there is embedded"), ("embedded", "reads no requests")]
 )
 def test_a_parser_that_there_is_not_is_refused_before_the_first_flight(parser: str, said: str, tmp_path: Path) -> None:
     result = runner.invoke(app, ["bench", "--limit", "2", "--parser", parser, "--out", str(tmp_path / "run")])

@@ -30,3 +30,9 @@ def test_an_export_lies_beside_its_run_however_that_is_named(
     (tmp_path / "run" / "inner").mkdir(parents=True)
     monkeypatch.chdir(tmp_path / "run")
     assert place_beside(Path(run), "coco").resolve() == tmp_path / "run-coco"
+
+
+def test_a_format_that_there_is_not_is_told_in_our_words(tmp_path: Path) -> None:
+    told = RUN.invoke(app, ["export", str(tmp_path), "--format", "avi"]).output
+    assert "'avi' is not one of 'lerobot'" in told
+    assert "Value error" not in told

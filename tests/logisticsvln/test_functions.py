@@ -103,6 +103,7 @@ def test_a_function_that_never_ends_does_not_hold_an_interrupt_up() -> None:
         (None, "a policy says NextStop"),
         ("left", "a policy says NextStop"),
         (NextStop(((1.0, 2.0, 3.0),), None, "x"), "its path is made of Point3"),  # type: ignore[arg-type]
+        (NextStop([Point3(x=0, y=0, z=3)] * 65, None, "x"), "its path has 65 points; a flight has at most 64"),  # type: ignore[arg-type]
         (NextStop((), float("nan"), "x"), "its yaw is a number of radians"),
     ],
 )

@@ -1,6 +1,7 @@
 """The flight guard before a vehicle: every flight goes through it, and its limits are the operator's."""
 
 import math
+import re
 from dataclasses import dataclass, field
 
 import pytest
@@ -152,6 +153,13 @@ async def test_a_fault_in_the_air_ends_all_flying_by_name(fault_of: str, value: 
     await guard.observe()
     refused = await refusal(guard, Move(path=(Point3(x=0.0, y=-9.0, z=1.5),)), 2)
     assert (refused.reason, refused.final) == (reason, True)
+
+
+async def test_a_way_that_takes_too_long_is_refused_by_its_length_and_the_time_that_it_takes() -> None:
+    _, guard = await faulty()
+    refused = await refusal(guard, Move(path=(Point3(x=0.0, y=-9_000.0, z=1.5),)), 1)
+    assert refused.reason == "time_limit"
+    assert re.search(r"a way of 89\d\d m and the way home may take \d{4} s; 0 s are flown, 1200 s are", str(refused))
 
 
 async def test_a_pilot_who_takes_over_between_two_looks_ends_all_flying_and_is_not_interfered_with() -> None:

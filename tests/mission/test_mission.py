@@ -221,10 +221,10 @@ async def test_a_thing_that_the_model_has_never_learnt_is_told_before_take_off()
 
 async def test_a_model_that_there_is_not_ends_the_mission_before_take_off() -> None:
     world = BlockWorld()
-    vision = BlockVision(world, {"preflight": [ModelUnreachable("vlm_gateway: no model 'qwen'; there are embedded")]})
+    vision = BlockVision(world, {"preflight": [ModelUnreachable("vlm_gateway: no model 'qwen'; there is embedded")]})
     result = await fly(world, vision=vision)
     assert (result.outcome, result.path_m, vision.asked) == ("model_unreachable", 0.0, [])
-    assert "there are embedded" in result.message
+    assert "there is embedded" in result.message
 
 
 async def test_an_unreadable_floor_count_is_asked_again_from_a_different_look_and_then_given_up() -> None:

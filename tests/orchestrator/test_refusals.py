@@ -14,12 +14,12 @@ from tests.orchestrator.orders import BEHIND, finished, order
 @pytest.mark.parametrize("named", [{"backend": "qwen"}, {"settings": {"image_size": 120, "vision_model": "qwen"}}])
 def test_a_model_that_there_is_not_is_refused_before_anything_is_flown(door, runs: Path, named: dict) -> None:
     world = BlockWorld(BEHIND)
-    unknown = UnknownModel("vlm_gateway: no model 'qwen'; there are embedded")
+    unknown = UnknownModel("vlm_gateway: no model 'qwen'; there is embedded")
     vision = BlockVision(world, {"preflight": [unknown]})
     refused = door(world, vision=vision).post("/v1/deliveries", json=order(world, **named))
     assert refused.status_code == 422
     assert refused.json()["error"]["code"] == "unknown_model"
-    assert "there are embedded" in refused.json()["error"]["message"]
+    assert "there is embedded" in refused.json()["error"]["message"]
     assert not list(runs.glob("2*"))
     assert vision.asked == []
 
@@ -42,9 +42,9 @@ def test_a_setting_that_would_have_no_effect_is_refused(door, runs: Path, settin
 
 def test_a_parser_that_there_is_not_is_refused_before_anything_is_flown(door, runs: Path) -> None:
     world = BlockWorld(BEHIND)
-    unknown = UnknownModel("vlm_gateway: no model 'qwen'; there are embedded")
+    unknown = UnknownModel("vlm_gateway: no model 'qwen'; there is embedded")
     client = door(world, vision=BlockVision(world, {"preflight": [unknown, None]}))
-    for name, said in (("qwen", "there are embedded; a parser is 'reader', or a chat model"), ("eyes", "reads no")):
+    for name, said in (("qwen", "there is embedded; a parser is 'reader', or a chat model"), ("eyes", "reads no")):
         refused = client.post("/v1/deliveries", json=order(world, settings={"parser_model": name}))
         assert (refused.status_code, refused.json()["error"]["code"]) == (422, "unknown_model")
         assert said in refused.json()["error"]["message"]
