@@ -43,6 +43,7 @@ export const STEP_NAMES = {
   explore: "Search",
   approach: "Approach",
   claim: "Window",
+  done: "End",
 };
 
 export const phaseWords = (phase) => PHASES[phase] ?? phase.replaceAll("_", " ");
