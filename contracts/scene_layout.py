@@ -7,7 +7,7 @@ import math
 from functools import lru_cache
 from typing import NamedTuple
 
-from contracts.scene import BalconyPlan, Building
+from contracts.scene import BalconyPlan, Building, Scene, WindowPlace
 
 
 class Facade(NamedTuple):
@@ -119,6 +119,18 @@ def window_slot(building: Building, facade: int, floor: int, column: int) -> Win
         grid.height_m,
         plan,
     )
+
+
+def window_of(scene: Scene, place: WindowPlace) -> WindowSlot:
+    """Raises ValueError where the building has no such window."""
+    return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
+
+
+def goal_window(scene: Scene) -> WindowSlot | None:
+    """The customer's window, if the scene has a goal that stands at one. Raises ValueError where the building has no
+    such window."""
+    goal = scene.goal_object()
+    return window_of(scene, goal.place) if goal is not None and isinstance(goal.place, WindowPlace) else None
 
 
 def window_slots(building: Building) -> list[WindowSlot]:

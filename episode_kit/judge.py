@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 from contracts.geometry import Pose
 from contracts.scene import Scene, WindowPlace
-from contracts.scene_layout import WindowSlot, window_slot, window_slots
+from contracts.scene_layout import WindowSlot, window_of, window_slots
 from contracts.sim import Verdict
 from episode_kit.kinematics import Vector
 
@@ -78,19 +78,6 @@ def judge(
     seen = _free(sight, here, [thing.middle], thing.part)[0]
     stop = Stop(math.dist(here, thing.middle), True, seen, None, None)
     return _verdict(stop, nearest == goal.id, collided, steps)
-
-
-def window_of(scene: Scene, place: WindowPlace) -> WindowSlot:
-    """Raises ValueError where the building has no such window."""
-    return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
-
-
-def goal_window(scene: Scene) -> WindowSlot | None:
-    """The customer's window, if the scene has a goal that stands at one."""
-    goal = scene.goal_object()
-    if goal is None or not isinstance(goal.place, WindowPlace):
-        return None
-    return window_of(scene, goal.place)
 
 
 def nearest_window(scene: Scene, point: Vector) -> WindowSlot | None:

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 from contracts.geometry import Pose
 from contracts.scene import Scene, WindowPlace
-from contracts.scene_layout import WindowSlot
+from contracts.scene_layout import WindowSlot, goal_window
 from contracts.sim import ClaimedWindow, Shown
-from episode_kit.judge import Sight, Thing, goal_window, nearest_window, stop_at_window
+from episode_kit.judge import Sight, Thing, nearest_window, stop_at_window
 from episode_kit.kinematics import Vector
 
 Names = Callable[[str, str], tuple[str, ...]]

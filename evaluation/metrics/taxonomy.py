@@ -29,8 +29,8 @@ from collections.abc import Sequence
 
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult, Phase
-from contracts.scene import Building, Scene, WindowPlace
-from contracts.scene_layout import floor_outline, wall_height_m, window_slot
+from contracts.scene import Building, Scene
+from contracts.scene_layout import floor_outline, goal_window, wall_height_m
 from evaluation.metrics.collisions import collided
 from evaluation.metrics.episode import Reason
 from evaluation.metrics.floor_localization import floor_failed
@@ -135,11 +135,8 @@ def _reason_of_the_flight(task: Task, result: DeliveryResult) -> Reason:
 
 def _normal(task: Task) -> Xy | None:
     """Out of the goal's facade; null for a goal that stands free."""
-    goal = task.scene.goal_object()
-    if goal is None or not isinstance(goal.place, WindowPlace):
-        return None
-    place = goal.place
-    return window_slot(task.scene.building(place.building), place.facade, place.floor, place.column).normal
+    slot = goal_window(task.scene)
+    return None if slot is None else slot.normal
 
 
 def _plan(building: Building) -> tuple[Xy, ...]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple
 
 from contracts.scene import Scene, SceneObject, WindowPlace
-from contracts.scene_layout import floor_outline, wall_height_m, window_slot
+from contracts.scene_layout import floor_outline, goal_window, wall_height_m, window_of
 from contracts.sim import CatalogueEntry
 from evaluation.own_scenes.starts import FARTHEST_M, NEAREST_M, faced_wall
 from evaluation.scene_generator.footprints import distance_to_outline, outlines_gap
@@ -60,7 +60,7 @@ def _objects(scene: Scene, entries: Mapping[str, CatalogueEntry]) -> Iterator[Pr
 
 def _window(scene: Scene, thing: SceneObject, place: WindowPlace) -> Iterator[Problem]:
     try:
-        slot = window_slot(scene.building(place.building), place.facade, place.floor, place.column)
+        slot = window_of(scene, place)
     except ValueError as error:
         yield Problem("error", f"object {thing.id}: {error}")
         return
@@ -125,8 +125,7 @@ def _flown(scene: Scene, simulator: SimClient) -> list[Problem]:
         simulator.close(simulator.open(scene).id)
     except SimulatorFault as error:
         return [Problem("error", str(error))]
-    goal = scene.goal_object()
-    if goal is None or not isinstance(goal.place, WindowPlace):
+    if goal_window(scene) is None:
         return []
     try:
         prove(scene, simulator, SECOND)

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from contracts.events import Event, SearchEvent
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult
-from contracts.scene import Building, WindowPlace
-from contracts.scene_layout import wall_height_m, window_slot
+from contracts.scene import Building
+from contracts.scene_layout import goal_window, wall_height_m
 from evaluation.metrics.taxonomy import SEARCHING, in_plain_view
 from evaluation.report.markup import Html, join, tag
 from evaluation.task_set.task import Task
@@ -182,12 +182,10 @@ def height_profile(task: Task, flight: Flight, width: int = 300, height: int = 7
 
 
 def _window(task: Task, at: Callable[[float, float], Xy], unit: float) -> list[Html]:
-    goal = task.scene.goal_object()
-    if goal is None or not isinstance(goal.place, WindowPlace):
+    slot = goal_window(task.scene)
+    if slot is None:
         x, y = at(task.target.x, task.target.y)
         return [tag("circle", tag("title", "target"), cx=_r(x), cy=_r(y), r=_r(2 * unit), class_="target")]
-    place = goal.place
-    slot = window_slot(task.scene.building(place.building), place.facade, place.floor, place.column)
     (cx, cy, _), n, u = slot.centre, slot.normal, slot.along
     half, out = max(slot.width_m / 2, 1.6 * unit), 5.0 * unit
     wedge = [

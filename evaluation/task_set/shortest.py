@@ -7,8 +7,8 @@ from typing import Literal, NamedTuple
 
 from contracts.depth_assist import ApproachSettings
 from contracts.geometry import Point3
-from contracts.scene import Scene, WindowPlace
-from contracts.scene_layout import WindowSlot, floor_outline, window_slot, window_slots
+from contracts.scene import Scene
+from contracts.scene_layout import WindowSlot, floor_outline, goal_window, window_slots
 from contracts.sim import SUCCESS_RADIUS_M, Flight
 from navigation.shortest_path import NoWay, Route, VisibilityGraph
 
@@ -44,11 +44,10 @@ class ShortestWay(NamedTuple):
 
 def goal_slot(scene: Scene) -> WindowSlot:
     """The customer's window. Raises ValueError where the goal stands at none."""
-    goal = scene.goal_object()
-    if goal is None or not isinstance(goal.place, WindowPlace):
+    slot = goal_window(scene)
+    if slot is None:
         raise ValueError(f"scene {scene.name} has no goal at a window")
-    place = goal.place
-    return window_slot(scene.building(place.building), place.facade, place.floor, place.column)
+    return slot
 
 
 def ways(scene: Scene, edition: Edition) -> Iterator[ShortestWay]:

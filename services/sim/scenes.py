@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from contracts.scene import Building, Scene, WindowPlace
-from contracts.scene_layout import columns_of, floor_outline, wall_height_m, window_slot
+from contracts.scene_layout import columns_of, floor_outline, wall_height_m, window_of
 from episode_kit.judge import Thing
 from episode_kit.kinematics import Vector
 from navigation.polygon import inside
@@ -86,7 +86,7 @@ def check(scene: Scene) -> None:
     for o in scene.objects:
         if isinstance(o.place, WindowPlace):
             try:
-                slot = window_slot(scene.building(o.place.building), o.place.facade, o.place.floor, o.place.column)
+                slot = window_of(scene, o.place)
             except ValueError as error:
                 raise BadQuestion(f"object {o.id}: {error}", code="no_such_window") from None
             if o.place.on == "balcony" and slot.balcony is None:

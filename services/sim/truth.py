@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from contracts.cameras import Camera
 from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Building, Scene, SceneObject, WindowPlace
-from contracts.scene_layout import floor_outline
+from contracts.scene_layout import floor_outline, goal_window
 from contracts.sim import TruthView, VisibleObject
-from episode_kit.judge import Thing, goal_window
+from episode_kit.judge import Thing
 from navigation.shortest_path import NoWay, VisibilityGraph
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.views import NEAR_M, eye_of, project, view_axes

@@ -4,9 +4,9 @@ import pytest
 
 from contracts.geometry import Point2, Point3, Pose
 from contracts.scene import Building, FreePlace, Scene, SceneObject, Start, WindowPlace
-from contracts.scene_layout import window_slot
+from contracts.scene_layout import goal_window, window_slot
 from contracts.sim import Verdict
-from episode_kit.judge import Hit, Thing, goal_window, judge, nearest_window
+from episode_kit.judge import Hit, Thing, judge, nearest_window
 from episode_kit.kinematics import Vector
 from episode_kit.own_request import claimed_window
 

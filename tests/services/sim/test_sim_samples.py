@@ -7,9 +7,9 @@ import pytest
 
 from contracts.geometry import Point3
 from contracts.orchestrator import Sample
+from contracts.scene_layout import goal_window
 from contracts.sim import Claim, EpisodeQuestion
 from contracts.vehicle import Move
-from episode_kit.judge import goal_window
 from navigation.shortest_path import Route, shortest_route
 from services.sim.bootstrap import build_scene
 from services.sim.episode import LiveEpisode
