@@ -151,7 +151,8 @@ class FindTop(WholeBuilding):
 
 
 class CountWhole(WholeBuilding):
-    """Count all floors in one picture. `top_m`: how high the building is, above ground."""
+    """Count all floors in one picture: the direct count, or before a stepwise one says that there is no such floor.
+    `top_m`: how high the building is, above ground."""
 
     at: Literal["count_whole"] = "count_whole"
     top_m: Metres

@@ -7,7 +7,7 @@ ground, or nearly, the rows beneath tell the floor's number anew.
 
 from typing import NamedTuple
 
-from navigation.floor_localization import WindowRows, down_to_ground
+from navigation.floor_localization import WindowRows
 
 _LEVEL_FLOORS = 0.35
 """A row this near to the camera's height is the one that the drone stands before; its neighbours are a floor off."""
@@ -59,10 +59,8 @@ def _floors_beneath(seen: WindowRows, spacing_m: float) -> int | None:
     of one height would not: of a wall seen from aside the rows' distances grow downwards, and what would be a row more
     beneath the picture looks like the ground."""
     up_floors = seen.height_m(-1) / spacing_m
-    if seen.camera_m - seen.stand_off_m * seen.view.down_slope <= _GROUND_FLOORS * spacing_m:
-        beneath = len(down_to_ground(seen)) - len(seen.rows)
-    elif seen.spacing_m is None or up_floors > _NEAR_GROUND_FLOORS:
+    to_ground = seen.camera_m - seen.stand_off_m * seen.view.down_slope <= _GROUND_FLOORS * spacing_m
+    if not to_ground and (seen.spacing_m is None or up_floors > _NEAR_GROUND_FLOORS):
         return None
-    else:
-        beneath = max(0, round(up_floors - 0.5))
+    beneath = 0 if seen.spacing_m is None else max(0, round(up_floors - 0.5))
     return beneath if abs(up_floors - 0.5 - beneath) <= _EVEN_FLOORS else None

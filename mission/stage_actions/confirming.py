@@ -4,11 +4,9 @@ is another's, the drone goes to the row that it says is meant, and counts once m
 
 from contracts.event_data import HeightCheckData
 from mission.looks import Sight
-from mission.stage_actions.floor_counts import FACADE, Count, count_floors, eq3_settings, vertical
+from mission.stage_actions.floor_counts import Count, count_floors, eq3_settings, window_rows
 from mission.stages import BoxBuilding, Climb, ConfirmHeight
 from mission.step import Step
-from navigation import facade
-from navigation.floor_localization import WindowRows
 from navigation.height_check import HeightCheck, check_height
 
 MISPLACED_FLOORS = 0.3
@@ -20,7 +18,8 @@ async def confirm_height(step: Step, stage: ConfirmHeight) -> Climb | BoxBuildin
     sight = await step.look_ahead()
     count = await count_floors(step, sight)
     floor, floor_height_m = step.state.floor or 1, step.state.floor_height_m or 3.0
-    found = _checked(sight, count, stage.stand_off_m, floor, floor_height_m) if count.rows else None
+    seen = window_rows(sight, count.rows, 0.5, stage.stand_off_m) if count.rows else None
+    found = None if seen is None else check_height(seen, floor, floor_height_m)
     step.update(height_confirmed=found.confirms(floor) if found is not None else None)
     _write(step, sight, count, found)
     if found is None:
@@ -41,11 +40,6 @@ def _to(step: Step, height_m: float, why: str, then: ConfirmHeight | BoxBuilding
     height_m = max(height_m, eq3_settings(step).min_height_m)
     step.update(final_height_m=height_m)
     return Climb(to_m=height_m, why=why, then=then)
-
-
-def _checked(sight: Sight, count: Count, stand_off_m: float, floor: int, floor_height_m: float) -> HeightCheck:
-    wall_m = facade.wall_at_row_m(sight.seen, 0.5, stand_off_m, FACADE)
-    return check_height(WindowRows(count.rows or (), sight.eye_z, wall_m, vertical(sight)), floor, floor_height_m)
 
 
 def _write(step: Step, sight: Sight, count: Count, found: HeightCheck | None) -> None:

@@ -1,4 +1,5 @@
-"""The `direct-count` ablation: away from the facade until its top is in sight, then one count of all floors."""
+"""One count of all floors in one picture, and how the `direct-count` ablation comes to see them: away from the facade
+until its top is in sight."""
 
 import math
 

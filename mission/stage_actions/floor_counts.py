@@ -26,6 +26,7 @@ from navigation.floor_localization import (
     FloorNotFound,
     Recount,
     VerticalView,
+    WindowRows,
 )
 
 FACADE = facade.FacadeParameters()
@@ -68,6 +69,12 @@ async def count_floors(step: Step, sight: Sight) -> Count:
 def vertical(sight: Sight) -> VerticalView:
     """What the picture shows of the facade upright."""
     return VerticalView(sight.camera.up_slope, sight.camera.down_slope)
+
+
+def window_rows(sight: Sight, rows: tuple[float, ...], at: float, stand_off_m: float) -> WindowRows:
+    """These rows of a picture, on the wall as far off as it is at the picture's row `at` (0..1 from the top)."""
+    wall_m = facade.wall_at_row_m(sight.seen, at, stand_off_m, FACADE)
+    return WindowRows(rows, sight.eye_z, wall_m, vertical(sight))
 
 
 def eq3_settings(step: Step) -> FloorLocalizationParameters:

@@ -23,6 +23,7 @@ from mission.stage_actions.floor_counts import (
     turn_a_little,
     useless,
     vertical,
+    window_rows,
     write_count,
 )
 from mission.stages import (
@@ -209,6 +210,4 @@ def _window_rows(sight: Sight, count: Count, at: int, stand_off: float) -> Windo
     """The rows of a count, on the wall as far off as it is at row number `at`; null where there are none."""
     if not count.rows:
         return None
-    row = count.rows[at] if -1 <= at < len(count.rows) else 0.5
-    wall_m = facade.wall_at_row_m(sight.seen, row, stand_off, FACADE)
-    return WindowRows(count.rows, sight.eye_z, wall_m, vertical(sight))
+    return window_rows(sight, count.rows, count.rows[at] if -1 <= at < len(count.rows) else 0.5, stand_off)
