@@ -77,9 +77,10 @@ class RemoteBench:
         """A delivery has ended."""
         task, result = self._task_of[delivery.id], delivery.result
         reason = reason_of(task, result)
-        error = "the orchestrator has no result of it" if result is None else None
-        if result is not None and reason == "error":
-            error = result.message
+        if result is None:
+            error: str | None = "the orchestrator has no result of it"
+        else:
+            error = result.message if reason == "error" else None
         record = EpisodeRecord(
             task=task.id,
             reason=reason,

@@ -75,10 +75,14 @@ def connection(url: str | None, token: str | None, timeout_s: float) -> dict[str
             f"url: {base!r} needs http:// or https://, a host, and a port that there is, as {USUAL_URL} has"
         )
     token = token or secret(process_environment(), "ORCHESTRATOR_TOKEN")
-    if token and not (token.isascii() and token.isprintable()):
+    if token and not _fits_header(token):
         raise ValueError("token: it has letters that no header of HTTP may have, a line's end perhaps")
     headers = {"authorization": f"Bearer {token}"} if token else {}
     return {"base_url": base, "headers": headers, "timeout": timeout_s, "trust_env": False}
+
+
+def _fits_header(text: str) -> bool:
+    return text.isascii() and text.isprintable()
 
 
 def question_of(**asked: Any) -> DeliveryQuestion:
@@ -92,7 +96,7 @@ def question_of(**asked: Any) -> DeliveryQuestion:
 def post_delivery(question: DeliveryQuestion, key: str | None) -> Call[Delivery]:
     """A delivery; without a key it gets one of its own, so that sending it again is no second delivery. Raises
     ValueError for a key that no header may hold."""
-    if key is not None and not (key.isascii() and key.isprintable()):
+    if key is not None and not _fits_header(key):
         raise ValueError(f"key: {key!r} has other letters than those of ASCII")
     headers = {"idempotency-key": key or uuid4().hex}
     return Call("POST", "/v1/deliveries", told(Delivery), question, headers=headers)

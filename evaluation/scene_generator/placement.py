@@ -10,7 +10,7 @@ import numpy as np
 from contracts.scene import Building, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, columns_of, window_slots
 from contracts.sim import Catalogue, CatalogueEntry
-from evaluation.scene_generator.scene_plan import DecoySpec, GoalSpec, PlaceOn, SceneSpec, UnbuildableScene
+from evaluation.scene_generator.scene_plan import DecoySpec, PlaceOn, SceneSpec, UnbuildableScene
 
 FLOOR_DECOY_APART = 4
 """Floors between the goal and its twin: twelve metres are out of the picture at the height of the goal."""
@@ -59,7 +59,7 @@ class Placer:
     def goal(self) -> SceneObject:
         """Raises UnbuildableScene where no window fits."""
         goal = self._spec.goal
-        entry = self._checked(goal)
+        entry = entry_of(self._catalogue, goal.kind, goal.colour)
         facade = facade_at(self._target, self._spec.start_facade, goal.corners)
         columns = columns_of(self._target, facade)
         if not 1 <= goal.floor <= self._target.floors or columns == 0:
@@ -114,9 +114,6 @@ class Placer:
             )
         except UnbuildableScene:
             return None
-
-    def _checked(self, goal: GoalSpec) -> CatalogueEntry:
-        return entry_of(self._catalogue, goal.kind, goal.colour)
 
     def _looks(self, decoy: DecoySpec) -> list[tuple[str, str]]:
         """Classes and colours that a decoy may have, in the order in which they are tried."""
