@@ -142,8 +142,8 @@ class Overlook:
         return tuple(_line(stored) for stored in found)
 
     async def _flight_times(self) -> list[float]:
-        """One question to the database serves every customer for a while."""
-        if time.monotonic() > self._timed + TIMES_KEPT_S:
+        """One question to the database serves every customer for a while, once there are enough of them."""
+        if len(self._times) < ENOUGH or time.monotonic() > self._timed + TIMES_KEPT_S:
             self._times = await asyncio.to_thread(self._lines.flight_times)
             self._timed = time.monotonic()
         return self._times

@@ -22,11 +22,19 @@ def alive(pid: int) -> bool:
         return False
 
 
+def begun(pid: int) -> bool:
+    """Has the kernel been asked, and the program taken its place?"""
+    return Path(f"/proc/{pid}/comm").read_text() == "sleep\n"
+
+
 def test_a_program_started_by_tests_that_are_killed_ends_with_them() -> None:
     with subprocess.Popen([sys.executable, "-c", TESTS], stdout=subprocess.PIPE, text=True) as tests:
         assert tests.stdout is not None
         program = int(tests.stdout.readline())
-        assert alive(program)
+        until = time.monotonic() + 30
+        while not begun(program):
+            assert time.monotonic() < until, "it has not begun"
+            time.sleep(0.02)
         os.kill(tests.pid, signal.SIGKILL)
     until = time.monotonic() + 30
     while alive(program):
