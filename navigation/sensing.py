@@ -34,7 +34,8 @@ _CUT_SHARE = 0.95
 """Of the columns with an opening, so many end in the same row where a frame was cut."""
 _CUT_THROUGH_SHARE = 0.05
 _CUT_DEPTH_SHARE = 0.1
-"""A cut goes through things: so many of its columns differ by so much from the usual distance along it."""
+"""A cut goes through things: so many of a picture's columns differ by so much from the usual distance along it."""
+_BESIDE_COLUMNS = 1
 _REACH_PERCENTILE = 99.0
 _SPECK_PX = 3
 _SPECK_SIZE_PX = 16
@@ -57,11 +58,11 @@ def read_views(
         return [_within_range(view, sensor_range_m) for view in views]
     views = [_without_specks(view) for view in views]
     cut = [_within_range(view, sensor_range_m) for view in views]
-    opened = uncut([open_upwards(np.isnan(view.depth_m)) for view in views], [view.depth_m for view in views])
+    opened, far_m = uncut([open_upwards(np.isnan(view.depth_m)) for view in views], [view.depth_m for view in views])
     if _tells_no_return([np.isinf(view.depth_m) for view in views], opened):
         return cut
     reach_m = min(sensor_range_m, max(shown_m, shown_reach_m(views)))
-    return [_opened(view, mask, reach_m) for view, mask in zip(cut, opened, strict=True)]
+    return [_opened(view, mask, min(reach_m, far)) for view, mask, far in zip(cut, opened, far_m, strict=True)]
 
 
 def shown_reach_m(views: Sequence[DepthView]) -> float:
@@ -92,12 +93,16 @@ def open_upwards(invalid: Bools) -> Bools:
     return out
 
 
-def uncut(opened: Sequence[Bools], depths: Sequence[NDArray[np.floating] | NDArray[np.uint16]]) -> list[Bools]:
+def uncut(
+    opened: Sequence[Bools], depths: Sequence[NDArray[np.floating] | NDArray[np.uint16]]
+) -> tuple[list[Bools], list[float]]:
     """The openings (H, W) of one moment's pictures, without those that end in a straight cut through things at
     different distances: a frame of which only the lower part arrived. The sky ends in a level line only over what is
-    equally far. `depths`: the pictures, in any unit, their invalid pixels 0 or nan."""
+    equally far, and where it does, a picture shows nothing free beyond that: how far each picture's openings may count
+    comes with them, inf where they end unevenly. Over the few columns that are nearer along the line nothing is open.
+    `depths`: the pictures, in any unit, their invalid pixels 0 or nan."""
     edges = [np.where(mask.any(axis=0), len(mask) - np.argmax(mask[::-1], axis=0), 0) for mask in opened]
-    kept = list(opened)
+    kept, far = list(opened), [math.inf] * len(opened)
     for height in {len(mask) for mask in opened}:
         same = [number for number, mask in enumerate(opened) if len(mask) == height]
         ends = np.concatenate([edges[number] for number in same])
@@ -106,11 +111,14 @@ def uncut(opened: Sequence[Bools], depths: Sequence[NDArray[np.floating] | NDArr
             continue
         cut = int(np.bincount(rows).argmax())
         straight = [number for number in same if _share_at(edges[number], cut) >= _CUT_SHARE]
-        along = [depths[number][cut, edges[number] == cut].astype(np.float64) for number in straight]
-        if straight and _differ(np.concatenate(along)):
-            for number in straight:
-                kept[number] = np.zeros_like(opened[number])
-    return kept
+        along = {number: _along(depths[number], edges[number], cut) for number in straight}
+        usual = _median(list(along.values()))
+        failed = any(_share_off(depth, usual) >= _CUT_THROUGH_SHARE for depth in along.values())
+        for number, depth in along.items():
+            level = np.zeros(len(depth), bool) if failed else _level(depth, usual)
+            kept[number] = opened[number] & level
+            far[number] = float(np.nanmin(depth[level])) if (level & np.isfinite(depth)).any() else 0.0
+    return kept, far
 
 
 def _share_at(edges: NDArray[np.intp], row: int) -> float:
@@ -118,19 +126,35 @@ def _share_at(edges: NDArray[np.intp], row: int) -> float:
     return float((edges == row).sum() / max(1, (edges > 0).sum()))
 
 
-def _differ(depth: NDArray[np.float64]) -> bool:
-    depth = depth[np.isfinite(depth) & (depth > 0)]
-    if not len(depth):
-        return False
-    usual = float(np.median(depth))
-    return bool(np.mean(np.abs(depth - usual) > _CUT_DEPTH_SHARE * usual) >= _CUT_THROUGH_SHARE)
+def _along(depth: NDArray[np.floating] | NDArray[np.uint16], edges: NDArray[np.intp], row: int) -> NDArray[np.float64]:
+    """(W,) what the openings that end in this row end on; nan elsewhere, and where nothing was measured."""
+    along = np.where(edges == row, depth[row].astype(np.float64), np.nan)
+    return np.where(np.isfinite(along) & (along > 0), along, np.nan)
+
+
+def _median(along: Sequence[NDArray[np.float64]]) -> float:
+    """Over all columns; nan where nothing was measured."""
+    known = np.concatenate([np.zeros(0), *(depth[np.isfinite(depth)] for depth in along)])
+    return float(np.median(known)) if len(known) else math.nan
+
+
+def _share_off(depth: NDArray[np.float64], usual: float) -> float:
+    known = depth[np.isfinite(depth)]
+    return float(np.mean(np.abs(known - usual) > _CUT_DEPTH_SHARE * usual)) if len(known) else 0.0
+
+
+def _level(depth: NDArray[np.float64], usual: float) -> Bools:
+    """(W,) the columns where nothing nearer than usual stands at the line or just beside."""
+    with np.errstate(invalid="ignore"):
+        nearer = depth < (1.0 - _CUT_DEPTH_SHARE) * usual
+    return ~np.convolve(nearer, np.ones(2 * _BESIDE_COLUMNS + 1), mode="same").astype(bool)
 
 
 def read_units(pictures: Sequence[NDArray[np.uint16]]) -> list[NDArray[np.uint16]]:
     """The same rule for depth as it crosses the wire, (H, W) with 0 invalid and 65535 no return, of one moment."""
     if not any(bool((units == INVALID).any()) for units in pictures):
         return list(pictures)
-    opened = uncut([open_upwards(units == INVALID) for units in pictures], pictures)
+    opened, _ = uncut([open_upwards(units == INVALID) for units in pictures], pictures)
     if _tells_no_return([units == NO_RETURN for units in pictures], opened):
         return list(pictures)
     return [np.where(mask, np.uint16(NO_RETURN), units) for mask, units in zip(opened, pictures, strict=True)]

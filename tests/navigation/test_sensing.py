@@ -41,9 +41,11 @@ def test_an_invalid_sky_is_free_as_far_as_the_farthest_returns() -> None:
     assert (near, far) == (FREE, UNKNOWN)
 
 
-def test_the_reach_that_was_shown_before_counts() -> None:
-    (view,) = read_views([_street()], shown_m=30.0)
-    assert view.reach_m == 30.0
+def test_the_reach_that_was_shown_before_counts_over_what_ends_unevenly() -> None:
+    uneven = _street()
+    uneven.depth_m[SIZE // 2 :, : SIZE // 4] = 8.0
+    assert [view.reach_m for view in read_views([uneven], shown_m=30.0)] == [30.0]
+    assert [view.reach_m for view in read_views([_street()], shown_m=30.0)] == [12.0]
 
 
 def test_a_sensor_that_tells_no_return_from_invalid_is_taken_at_its_word() -> None:
@@ -148,6 +150,16 @@ def test_one_wall_in_a_moment_shows_that_all_its_frames_are_cut_alike() -> None:
     wall, ground = read_views([_cut_frame(4.0), _cut_frame(np.inf)])
     assert np.isnan(wall.depth_m[: SIZE // 2]).all()
     assert np.isnan(ground.depth_m[: SIZE // 2]).all()
+
+
+def test_over_the_few_columns_of_a_level_line_that_are_nearer_nothing_is_free() -> None:
+    level = _cut_frame(np.inf)
+    edge = SIZE // 2 + 7
+    level.depth_m[edge:, 20:22] = np.minimum(level.depth_m[edge:, 20:22], 3.0)
+    (view,) = read_views([level])
+    assert np.isnan(view.depth_m[: SIZE // 2, 19:23]).all()
+    assert np.isinf(view.depth_m[: SIZE // 2, 25:]).all()
+    assert view.reach_m == pytest.approx(level.depth_m[edge, 0])
 
 
 def test_the_sky_over_level_ground_stays_free() -> None:
