@@ -51,8 +51,8 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
     The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
     recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's upper
     edge, or nothing above it is known to be farther off, its top being out of sight or of the sensor's reach, or where
-    most of the middle is invalid; the height of the picture's lower edge on the facade where there is no wall in the
-    picture at all.
+    most of the middle is invalid; the height of the picture's lower edge on the facade where what the picture shows is
+    far and none of it wall.
     """
     camera = view.camera
     strip = view.depth_m[:, _middle_columns(view, settings)]
@@ -68,12 +68,12 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
         lean = np.abs(profile[:-step] - profile[step:]) / np.abs(heights[:-step] - heights[step:])
         upright[:-step] = near[:-step] & near[step:] & (lean <= settings.max_lean)
     rows = np.flatnonzero(upright)
-    if not len(rows):
-        return max(0.0, camera_height_m - stand_off * camera.down_slope)
-    top = int(rows[0])
+    top = int(rows[0]) if len(rows) else camera.height
     # a balcony or cornice cut off by the picture's edge breaks the wall without ending it: above a top it is far
     if not (np.minimum(profile[:top], view.reach_m) > stand_off + settings.recess_m).any():
         return None
+    if not len(rows):
+        return max(0.0, camera_height_m - stand_off * camera.down_slope)
     return max(0.0, camera_height_m + float(profile[top]) * (camera.cy_px - top) / camera.fy_px)
 
 
@@ -92,10 +92,10 @@ def wall_at_row_m(view: DepthView, row: float, stand_off: float, settings: Facad
 
 
 def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:
-    """(H,) median of each row's returns, inf where it has too few."""
+    """(H,) median of each row's returns; where it has too few, inf where nothing is there, nan where nobody knows."""
     returns = np.where(np.isfinite(strip), strip, np.nan)
     enough = np.isfinite(strip).mean(axis=1) >= min_valid_share
-    profile = np.full(len(strip), np.inf)
+    profile = np.where(np.isinf(strip).mean(axis=1) >= min_valid_share, np.inf, np.nan)
     if enough.any():
         profile[enough] = np.nanmedian(returns[enough], axis=1)
     return profile

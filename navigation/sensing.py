@@ -7,8 +7,9 @@ ever. So where the sky of a moment's views is invalid, not no return, the invali
 picture's upper edge down to the first return, broad and in a picture that measures something, count as no return: free
 as far as the farthest returns show that the sensor reaches. Holes amid returns, narrow stripes and pictures without
 returns stay unknown, and so do specks of returns in the air, a stereo camera's mismatches. So does what lies above a
-straight cut through things at different distances: there the frame failed, it is not the sky. REP 117 (ROS) draws the
-same line between out of range and invalid.
+straight cut through things at different distances: there the frame failed, it is not the sky. Where an opening ends in
+a level line over what is equally far, it may be either, and is free no farther than that. REP 117 (ROS) draws the same
+line between out of range and invalid.
 """
 
 import math

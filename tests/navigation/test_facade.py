@@ -87,6 +87,14 @@ def test_a_picture_that_is_mostly_invalid_says_nothing() -> None:
     assert _top(np.full((200, 200), np.nan, np.float32)) is None
 
 
+def test_glass_that_returns_nothing_is_no_top() -> None:
+    glass = _front(_block(30.0))
+    glass[:60, 75:] = np.nan
+    assert _top(glass) is None
+    glass[:60] = np.nan
+    assert _top(glass) is None
+
+
 def test_the_wall_at_a_row_is_measured_there_and_the_stand_off_stands_in_for_what_is_no_wall() -> None:
     depth = np.full((100, 100), 60.0, np.float32)  # houses far behind, over the roof
     depth[60:80] = 10.5
