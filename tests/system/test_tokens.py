@@ -1,10 +1,11 @@
 """A token before every service: each caller finds it in a file, and a wrong one is found before anything is flown."""
 
+import asyncio
 import json
 import os
 import subprocess
 import sys
-from collections.abc import AsyncIterator, Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import httpx
@@ -24,25 +25,30 @@ from service_kit.settings import process_environment
 SAMPLE = "villa-teddy-bear"
 
 
-@pytest.fixture
-def secrets(tmp_path: Path) -> dict[str, str]:
+@pytest.fixture(scope="module")
+def secrets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """A token file a service, as an operator mounts them."""
-    folder = tmp_path / "secrets"
-    folder.mkdir()
+    folder = tmp_path_factory.mktemp("secrets")
     for name in TOKEN_VARIABLES:
         (folder / name).write_text(f"{name}-s3cret\n")
     return {f"{variable}_FILE": str(folder / name) for name, variable in TOKEN_VARIABLES.items()}
 
 
-@pytest.fixture
-async def guarded(tmp_path: Path, secrets: dict[str, str]) -> AsyncIterator[Processes]:
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory, secrets: dict[str, str]) -> Iterator[Processes]:
+    tmp_path = tmp_path_factory.mktemp("guarded")
     ports = free_ports(PORTS)
     extra = oracle_settings(ports)
     extra["vlm_gateway"] |= {"CACHE_MODE": "off"}
     extra["orchestrator"] = {"RUNS_DIR": str(tmp_path / "runs")}
     environment = process_environment() | secrets
-    async with Processes(ports, tmp_path / "logs", environment=environment, extra=extra) as group:
+    group = Processes(ports, tmp_path / "logs", environment=environment, extra=extra)
+    try:
+        group.start()
+        asyncio.run(group.ready())
         yield group
+    finally:
+        group.stop()
 
 
 async def test_tokens_in_files_reach_every_service(guarded: Processes, secrets: dict[str, str], tmp_path: Path) -> None:
