@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from contracts.base import ModelName, Unit, Wire
+from contracts.vlm_gateway import Tokens
 
 Side = Literal["left", "right", "above", "below"]
 Reason = Literal["not_said", "open", "unsure", "relation_only", "other_language", "too_long"]
@@ -72,7 +73,9 @@ class ParseAnswer(Wire):
     """`floor` counts from 1 at the ground; `object` is a lower-case noun phrase without an article, such as "green
     flower pot". What is not said, or not surely enough, is null and named in `missing`: nothing is guessed. Then
     `question` asks the customer for it in a sentence. `outcome` is `unreadable` when a language model answered and its
-    answer could not be read, `refused` when it declined. `language`: ISO 639-1, null where a parser does not say."""
+    answer could not be read, `refused` when it declined. `language`: ISO 639-1, null where a parser does not say.
+    `tokens`, `usd`: what a language model used, over all that it was asked, and what that cost by the prices of the
+    gateway's configuration; null where that is not known, and where everything came from the cache."""
 
     outcome: Literal["answered", "unreadable", "refused"] = "answered"
     floor: int | None = Field(default=None, ge=1, le=200)
@@ -86,3 +89,5 @@ class ParseAnswer(Wire):
     language: str | None = Field(default=None, pattern=r"^[a-z]{2}$")
     evidence: Evidence = Evidence()
     model: str
+    tokens: Tokens = Tokens()
+    usd: float | None = Field(default=None, ge=0.0)

@@ -11,8 +11,9 @@ import asyncio
 import json
 import logging
 import time
+from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import aiohttp
 from pydantic import BaseModel, ValidationError
@@ -61,6 +62,14 @@ class Refused(CallError):
         self.details = details
 
 
+class _Said(NamedTuple):
+    """An answer as it came."""
+
+    status: int
+    body: bytes
+    headers: Mapping[str, str]
+
+
 class ServiceClient:
     """One service at one address. Use as an async context manager, or `close` it.
 
@@ -98,16 +107,20 @@ class ServiceClient:
         headers: dict[str, str] | None = None,
         timeout_s: float | None = None,
         patience_s: float | None = None,
+        hear: Callable[[Mapping[str, str]], None] | None = None,
     ) -> M:
-        """One call; it may take `timeout_s` each time that it is made.
+        """One call; it may take `timeout_s` each time that it is made. `hear` is told the answer's headers.
 
         Raises Unreachable, Refused or Garbled; never another error of the network's."""
         body = None if question is None else question.model_dump_json().encode()
         within_s = timeout_s or self._timeout_s
         patience_s = self._patience_s if patience_s is None else patience_s
-        status, data = await self._exchange(method, path, body, params, within_s, headers, patience_s=patience_s)
+        said = await self._exchange(method, path, body, params, within_s, headers, patience_s=patience_s)
+        status, data, told = said
         if status >= 400:
             raise self._refused(status, data)
+        if hear is not None:
+            hear(told)
         try:
             return answer.model_validate_json(data)
         except ValidationError as error:
@@ -120,7 +133,7 @@ class ServiceClient:
 
     async def delete(self, path: str) -> None:
         """DELETE, with nothing in return. Raises Unreachable or Refused."""
-        status, data = await self._exchange("DELETE", path, None, None, self._timeout_s)
+        status, data, _ = await self._exchange("DELETE", path, None, None, self._timeout_s)
         if status >= 400:
             raise self._refused(status, data)
 
@@ -179,7 +192,7 @@ class ServiceClient:
         more_headers: dict[str, str] | None = None,
         *,
         patience_s: float = 0.0,
-    ) -> tuple[int, bytes]:
+    ) -> _Said:
         give_up = time.monotonic() + patience_s
         pause_s = FIRST_PAUSE_S
         while True:
@@ -203,7 +216,7 @@ class ServiceClient:
         params: dict[str, str] | None,
         timeout_s: float,
         more_headers: dict[str, str] | None,
-    ) -> tuple[int, bytes]:
+    ) -> _Said:
         if self._session is None:
             self._session = aiohttp.ClientSession(headers=self._headers, trust_env=False)
         headers = dict(more_headers or {}) | ({"Content-Type": "application/json"} if body is not None else {})
@@ -219,7 +232,7 @@ class ServiceClient:
             raise Unreachable(self._service, f"can't reach {self.url} ({type(error).__name__})") from None
         if status == 503 and self._refused(status, data).code == STOPPING:
             raise Unreachable(self._service, f"{self.url} is stopping")
-        return status, data
+        return _Said(status, data, response.headers)
 
     def _refused(self, status: int, data: bytes) -> Refused:
         try:

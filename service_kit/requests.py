@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service_kit.errors import ServiceError, error_response
 
-EXPOSED = ("x-request-id", "x-model", "x-cache", "retry-after")
+EXPOSED = ("x-request-id", "x-model", "x-cache", "x-cost-usd", "retry-after")
 _WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _IN_THREAD_BYTES = 64 * 1024
 

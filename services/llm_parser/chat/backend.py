@@ -1,10 +1,14 @@
 """A language model as a parser: asked through the gateway, read with care, asked once more where it can't be read."""
 
+import contextlib
+import math
+from collections.abc import Mapping
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from contracts.llm_parser import Confidence, Evidence, ParseAnswer, ParseQuestion
+from contracts.vlm_gateway import Tokens
 from service_kit.client import CallError, Garbled, Refused, ServiceClient, TimedOut
 from service_kit.errors import BadQuestion, ServiceError, Unavailable
 from services.llm_parser.asking import Known, composed
@@ -16,6 +20,7 @@ from services.llm_parser.reader.mentions import find_mentions
 
 ROLE = "parser"
 _ROUTE = "/v1/chat/completions"
+_MOST_TOKENS = 10**9
 _PASSED_ON = frozenset(
     ("model_unreachable", "model_timeout", "model_overloaded", "model_rejected", "not_recorded", "cache_unavailable")
 )
@@ -59,6 +64,40 @@ class _Choice(BaseModel):
 class _Completion(BaseModel):
     model_config = ConfigDict(extra="ignore")
     choices: list[_Choice] = Field(min_length=1)
+    usage: object = None
+
+
+class _Bill:
+    """What a request costs: the sum over all that the model was asked about it. A server's count that is none, and a
+    price that nobody tells, are left out."""
+
+    def __init__(self) -> None:
+        self.prompt = self.completion = 0
+        self.usd: float | None = None
+        self._headers: Mapping[str, str] = {}
+
+    def hear(self, headers: Mapping[str, str]) -> None:
+        """Of the answer that `add` counts."""
+        self._headers = headers
+
+    def add(self, usage: object) -> None:
+        if self._headers.get("x-cache") == "hit":
+            return
+        if isinstance(usage, dict):
+            self.prompt += _count(usage.get("prompt_tokens"))
+            self.completion += _count(usage.get("completion_tokens"))
+        with contextlib.suppress(ValueError):
+            cost = float(self._headers.get("x-cost-usd", ""))
+            if math.isfinite(cost) and cost >= 0.0:
+                self.usd = (self.usd or 0.0) + cost
+
+    @property
+    def tokens(self) -> Tokens:
+        return Tokens(prompt=self.prompt, completion=self.completion)
+
+
+def _count(told: object) -> int:
+    return told if isinstance(told, int) and 0 <= told < _MOST_TOKENS else 0
 
 
 class ChatParser:
@@ -90,7 +129,8 @@ class ChatParser:
         asked = prompt.question(question.request, ground, question.exchanges, self._object_language)
         messages = [{"role": "user", "content": asked}]
         grounded = language is None or self._object_language == "request"
-        reply = await self._ask(messages)
+        bill = _Bill()
+        reply = await self._ask(messages, bill)
         found = read_reply(reply, words, grounded=grounded)
         if isinstance(found, Unreadable):
             shown = reply.content[-4000:] or "(no answer)"
@@ -98,8 +138,9 @@ class ChatParser:
                 {"role": "assistant", "content": shown},
                 {"role": "user", "content": prompt.repair(found.problem)},
             ]
-            found = read_reply(await self._ask(messages), words, grounded=grounded)
-        return self._answer(found, words, language.code if language is not None else "en")
+            found = read_reply(await self._ask(messages, bill), words, grounded=grounded)
+        answer = self._answer(found, words, language.code if language is not None else "en")
+        return answer.model_copy(update={"tokens": bill.tokens, "usd": bill.usd})
 
     async def problem(self) -> str | None:
         return await self._client.usable()
@@ -118,14 +159,15 @@ class ChatParser:
             model=self._model,
         )
 
-    async def _ask(self, messages: list[dict[str, str]]) -> Reply:
+    async def _ask(self, messages: list[dict[str, str]], bill: _Bill) -> Reply:
         question = _Question(messages=messages, max_tokens=self._max_tokens)
         if self._alias is not None:
             question = _NamedQuestion(model=self._alias, messages=messages, max_tokens=self._max_tokens)
         try:
-            completion = await self._client.call("POST", _ROUTE, _Completion, question)
+            completion = await self._client.call("POST", _ROUTE, _Completion, question, hear=bill.hear)
         except CallError as error:
             raise self._failure(error) from None
+        bill.add(completion.usage)
         choice = completion.choices[0]
         return Reply(
             content=choice.message.text(),

@@ -31,11 +31,13 @@ from services.vlm_gateway.usage.accounts import Accounts, Bill, estimated
 
 
 class Answered(NamedTuple):
-    """`alias` is the model that answered in the end; `outcome` is `answered` where it did so as it should have."""
+    """`alias` is the model that answered in the end; `outcome` is `answered` where it did so as it should have. `usd`:
+    what it cost; null where that is not known, and where somebody else has paid."""
 
     alias: str
     body: bytes
     outcome: str
+    usd: float | None = None
 
 
 class ModelRequest(NamedTuple):
@@ -168,10 +170,11 @@ class Models:
                 asked.given_up()
                 raise
             outcome = _outcome(answer.said, call.limits_length) if call.form is CHAT else "answered"
-            asked.ended(_spent(answer, call))
+            spent = _spent(answer, call)
+            asked.ended(spent)
             if outcome == "answered":
                 self._keep(call, target, Stored(target.alias, False, answer.body))
-            return Answered(target.alias, answer.body, outcome)
+            return Answered(target.alias, answer.body, outcome, self._accounts.usd(target.alias, spent))
         raise AssertionError("there is at least one target")
 
     async def events(self, call: ModelRequest, course: Course) -> Pieces:

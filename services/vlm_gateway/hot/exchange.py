@@ -71,6 +71,7 @@ class Exchange:
         self.response_complete = False
         self.key: Key = ANYBODY
         self.alias = ""
+        self.usd: float | None = None
         self.request_id = b""
         self.trace: bytes | None = None
         self._span: Span = NO_SPAN
@@ -248,8 +249,10 @@ class Exchange:
         return b"".join(parts)
 
     def _identity(self) -> bytes:
-        """Header lines: which request it was, who answers it, and what is left of the key's rates."""
+        """Header lines: which request it was, who answers it, what it cost, and what is left of the key's rates."""
         lines = b"x-request-id: %s\r\n%s" % (self.request_id, self.key.rates()) if self.request_id else b""
+        if self.usd is not None:
+            lines += b"x-cost-usd: %.9f\r\n" % self.usd
         return b"%sx-model: %s\r\n" % (lines, self.alias.encode()) if self.alias else lines
 
     def _write(self, data: bytes) -> None:

@@ -240,7 +240,7 @@ class Frontend:
         elif digest:
             landed = await self._flights.share(digest, partial(self.models.whole_once, call))
             exchange.cache = "hit" if landed.shared else "miss"
-            self._answer(exchange, landed.value)
+            self._answer(exchange, landed.value._replace(usd=None) if landed.shared else landed.value)
         else:
             answered = await self.models.whole(call)
             self._answer(exchange, answered)
@@ -248,6 +248,7 @@ class Frontend:
     @staticmethod
     def _answer(exchange: Exchange, answered: Answered) -> None:
         exchange.alias = answered.alias  # another model than the one that was asked may have given it
+        exchange.usd = answered.usd
         exchange.answer(answered.body, _JSON, answered.outcome)
 
     async def _known(self, digest: str, cache: GuardedCache) -> Stored | None:

@@ -16,7 +16,7 @@ class ModelServer:
     def __init__(self) -> None:
         self.asked: list[dict[str, Any]] = []
         self.headers: list[dict[str, str]] = []
-        self._replies: list[tuple[int, bytes, float]] = []
+        self._replies: list[tuple[int, bytes, float, dict[str, str]]] = []
         owner = self
 
         class Handler(BaseHTTPRequestHandler):
@@ -27,15 +27,17 @@ class ModelServer:
                 body = self.rfile.read(int(self.headers["Content-Length"]))
                 owner.asked.append(json.loads(body))
                 owner.headers.append(dict(self.headers.items()))
-                status, answer, delay_s = owner._replies.pop(0)
+                status, answer, delay_s, headers = owner._replies.pop(0)
                 time.sleep(delay_s)
-                self._send(status, answer)
+                self._send(status, answer, headers)
 
-            def _send(self, status: int, body: bytes) -> None:
+            def _send(self, status: int, body: bytes, headers: dict[str, str] | None = None) -> None:
                 try:
                     self.send_response(status)
                     self.send_header("Content-Type", "application/json")
                     self.send_header("Content-Length", str(len(body)))
+                    for name, value in (headers or {}).items():
+                        self.send_header(name, value)
                     self.end_headers()
                     self.wfile.write(body)
                 except (BrokenPipeError, ConnectionResetError):
@@ -55,6 +57,8 @@ class ModelServer:
         *,
         finish_reason: str = "stop",
         delay_s: float = 0.0,
+        usage: object = None,
+        headers: dict[str, str] | None = None,
         **message: Any,
     ) -> None:
         """The next reply is a completion with this content and these further fields of the message."""
@@ -64,11 +68,13 @@ class ModelServer:
             "message": {"role": "assistant", "content": content, **message},
         }
         completion = {"id": "chatcmpl-1", "object": "chat.completion", "model": "m", "choices": [choice]}
-        self.answers(200, completion, delay_s=delay_s)
+        self.answers(200, completion | {"usage": usage}, delay_s=delay_s, headers=headers)
 
-    def answers(self, status: int, body: object, *, delay_s: float = 0.0) -> None:
+    def answers(
+        self, status: int, body: object, *, delay_s: float = 0.0, headers: dict[str, str] | None = None
+    ) -> None:
         """The next reply is this JSON with this status."""
-        self._replies.append((status, json.dumps(body).encode(), delay_s))
+        self._replies.append((status, json.dumps(body).encode(), delay_s, headers or {}))
 
     def fails(self, status: int, code: str, message: str = "as the test wants it") -> None:
         """The next reply is an error of the gateway's."""

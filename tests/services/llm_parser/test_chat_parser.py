@@ -53,6 +53,21 @@ async def test_the_question_carries_three_steps_examples_and_the_request_to_the_
     assert model_server.headers[0]["Authorization"] == "Bearer s3cret"
 
 
+async def test_what_all_that_was_asked_has_cost_is_told_and_what_nobody_counted_is_not(
+    client: ServiceClient, model_server: Any
+) -> None:
+    used = {"prompt_tokens": 800, "completion_tokens": 40}
+    model_server.says("no idea", usage=used, headers={"X-Cost-Usd": "0.002"})
+    model_server.says(GOOD, usage=used | {"completion_tokens": -3}, headers={"x-cost-usd": "0.001"})
+    answer = await ask(client)
+    assert (answer.tokens.prompt, answer.tokens.completion, answer.usd) == (1600, 40, pytest.approx(0.003))
+    model_server.says(GOOD, usage=used, headers={"x-cost-usd": "0.002", "x-cache": "hit"})
+    model_server.says(GOOD, usage="many", headers={"x-cost-usd": "dear"})
+    for _ in range(2):
+        answer = await ask(client)
+        assert (answer.floor, answer.tokens.prompt, answer.usd) == (7, 0, None)
+
+
 async def test_without_an_alias_the_gateway_chooses_by_role(client: ServiceClient, model_server: Any) -> None:
     model_server.says(GOOD)
     answer = await ChatParser(client).parse(ParseQuestion(request=REQUEST))

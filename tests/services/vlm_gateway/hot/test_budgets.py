@@ -88,11 +88,12 @@ def test_a_key_sees_its_own_usage_and_its_team_s_and_an_operator_everybody_s(ser
     keys = keys_of(teams, a=key("a", team="t", usd_per_day=1.0), b=key("b", team="t"), c=key("c"))
     prices = {"m": Price(prompt=2.0, completion=10.0)}
     url = serve(build({"m": chat_backend(mock)}, keys=keys, prices=prices).app)
+    cost = 100 * 2e-6 + 7 * 10e-6
     for name in "aabc":
-        assert ask(url, name).status_code == 200
+        answer = ask(url, name)
+        assert (answer.status_code, float(answer.headers["x-cost-usd"])) == (200, pytest.approx(cost))
     mine = usage(url, "a")
     assert list(mine) == [("key", "a"), ("team", "t")]
-    cost = 100 * 2e-6 + 7 * 10e-6
     assert mine["key", "a"]["today"] == [
         {"model": "m", "calls": 2, "prompt_tokens": 200, "completion_tokens": 14, "usd": pytest.approx(2 * cost)}
     ]
@@ -124,9 +125,11 @@ def test_answers_out_of_the_cache_are_free_even_where_the_budget_is_spent(
     serve: Serve, mock: OpenAiMock, tmp_path: Path
 ) -> None:
     keys = keys_of(k=key("k", tokens_per_day=COST))
-    url = serve(build({"m": chat_backend(mock)}, keys=keys, cache=sqlite_cache(tmp_path)).app)
+    prices = {"m": Price(prompt=2.0, completion=10.0)}
+    url = serve(build({"m": chat_backend(mock)}, keys=keys, cache=sqlite_cache(tmp_path), prices=prices).app)
     answers = [ask(url, "k", temperature=0, seed=seed) for seed in (1, 1, 2)]
     assert [answer.status_code for answer in answers] == [200, 200, 429]
+    assert ["x-cost-usd" in answer.headers for answer in answers] == [True, False, False]
     assert spent(url, "k") == (COST, 0)
 
 
