@@ -166,14 +166,18 @@ async def _confirmed(
 
 async def _claim_from(step: Step, approach: Approach, leg: Leg, look: Look, sight: Sight, box: Box) -> AfterLook:
     """The claim at the stop, after a last flight to where the stop should be as it shows from there: face to face both
-    windows beside a thing on the wall are seen, and flat things are placed better than from aside. A stop that turns
-    out not to be before the facade is none. Raises PortError."""
+    windows beside a thing on the wall are seen, and flat things are placed better than from aside. Where that is far
+    off, the claim waits for another look from there. A stop that turns out not to be before the facade is none. Raises
+    PortError."""
     place = approach.last.place
     way = await _way(step, look, sight, box, distance_m(look.pose, place), leg)
     if not _is_in_front(look, place, way):
         return _give_up(step, approach, "the stop is not before the thing's facade", blocked=True)
     reached = way.stop if way.status == "clear" and way.reached else None
-    if reached is not None and MISPLACED_M < distance_m(look.pose, reached) <= NEAR_ENOUGH_M:
+    off_m = distance_m(look.pose, reached) if reached is not None else 0.0
+    if off_m > NEAR_ENOUGH_M and approach.legs < MAX_LEGS:
+        return _fly_leg(step, approach, leg, way)
+    if off_m > MISPLACED_M:
         step.plan_flight(way.path, way.facing_yaw, "to where the stop should be, as seen from here")
     return ClaimWindow(place=place)
 
@@ -193,9 +197,14 @@ async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight:
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
             return _give_up(step, approach, f"leg {number}: {why}", blocked=way.status == "blocked")
         approach = approach.model_copy(update={"asides": approach.asides + 1})
+    return _fly_leg(step, approach, leg, way)
+
+
+def _fly_leg(step: Step, approach: Approach, leg: Leg, way: ApproachAnswer) -> LegStage:
+    number = approach.legs + 1
     path = way.path or way.aside
     # until the stop is reached, the front camera keeps the thing in sight
-    yaw = way.facing_yaw if way.reached else yaw_towards(path[-1] if path else step.pose, place)
+    yaw = way.facing_yaw if way.reached else yaw_towards(path[-1] if path else step.pose, approach.last.place)
     step.plan_flight(path, yaw, f"leg {number} of the approach" + (", to another side of it" if way.aside else ""))
     flown = {"legs": number, "reaches_stop": way.reached, "goes_aside": bool(way.aside)}
     return leg(approach=approach.model_copy(update=flown))

@@ -130,3 +130,41 @@ async def test_a_collision_ends_the_mission_at_once() -> None:
     assert "house" in result.message
     assert log[-1].data.hit == "house"
     assert world.ended == ["e1"]
+
+
+class StopAsideAtFirst(LocalDepthAssist):
+    """A depth assistant that from afar takes the stop to be well aside of where it is."""
+
+    def __init__(self, aside_m: float) -> None:
+        self._aside_m = aside_m
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        answer = await super().approach(question)
+        if not answer.reached or self._aside_m == 0.0 or answer.stop is None:
+            return answer
+        stop = answer.stop.model_copy(update={"x": answer.stop.x + self._aside_m})
+        self._aside_m = 0.0
+        return answer.model_copy(update={"stop": stop, "path": (stop,)})
+
+
+@pytest.mark.parametrize(("aside_m", "looks"), [(0.0, 0), (0.5, 0), (1.1, 1)])
+async def test_a_stop_that_turns_out_to_be_far_aside_is_flown_to_and_looked_from_before_the_claim(
+    aside_m: float, looks: int
+) -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, StopAsideAtFirst(aside_m))
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    assert result.outcome == "delivered"
+    assert result.pose is not None
+    assert result.pose.x == pytest.approx(world.block.thing[0], abs=0.2)
+    legs = [e for e in log.of("move") if "of the approach" in e.message]
+    assert len(legs) == (await _legs_without_a_mistake()) + looks
+
+
+async def _legs_without_a_mistake() -> int:
+    world = BlockWorld()
+    log = Events()
+    await fly(world, log=log)
+    return sum("of the approach" in e.message for e in log.of("move"))
