@@ -31,6 +31,11 @@ class FacadeParameters(NamedTuple):
 
 
 _NEARER_M = 0.5
+_SAME_WALL_M = 1.5
+_LEAST_WALL = 0.15
+"""Of a column: the ground in front of the wall fills less at any one distance."""
+_LEAST_WIDTH = 0.1
+"""Of the picture: a narrower stretch is a post or a tree."""
 
 
 def stand_off_m(view: DepthView, settings: FacadeParameters) -> float | None:
@@ -89,6 +94,22 @@ def wall_at_row_m(view: DepthView, row: float, stand_off: float, settings: Facad
         return stand_off
     found = float(np.median(returns))
     return found if stand_off - _NEARER_M <= found <= stand_off + settings.recess_m else stand_off
+
+
+def wall_columns(view: DepthView, stand_off: float) -> tuple[int, int] | None:
+    """The first column of a level view that shows the wall ahead, and the first one behind it: of the stretches of
+    columns in which enough is as far off as that wall, the one nearest to the middle. None where there is none.
+
+    A wing that steps back, or a house beside, has window rows of its own, at other heights of the picture.
+    """
+    with np.errstate(invalid="ignore"):
+        on_wall = np.abs(view.depth_m - np.float32(stand_off)) <= _SAME_WALL_M
+    shown = on_wall.mean(axis=0) >= _LEAST_WALL
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], shown, [False])).astype(np.int8)))
+    stretches = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    wide = [(a, b) for a, b in stretches if b - a >= _LEAST_WIDTH * view.camera.width]
+    middle = view.camera.cx_px
+    return min(wide, key=lambda ab: max(ab[0] - middle, middle - ab[1], 0.0)) if wide else None
 
 
 def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ edge of the wanted floor, and its window lies half a floor below. The variant `c
 camera's height in band i and eq. 3's result for the final height, as a literal reader would.
 """
 
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 _COUNT_TOLERANCE = 1e-6
@@ -16,6 +17,12 @@ _SAME_ROW_FLOORS = 0.3
 
 _HIDDEN_FLOORS = 1.25
 """A row of windows is about half a floor above its own floor; a tall ground floor's is not this far up."""
+
+LEAST_FLOOR_M = 2.2
+"""No floor that people live on is lower."""
+
+_LEAST_ROWS_M = 1.8
+"""Rows nearer to each other than this are not one wall's, even where it leans or steps back."""
 
 Reading = Literal["upper_edge", "camera_height"]
 
@@ -72,6 +79,12 @@ class WindowRows(NamedTuple):
         if len(self.rows) < 2:
             return None
         return (self.height_m(0) - self.height_m(-1)) / (len(self.rows) - 1)
+
+    @property
+    def is_of_one_wall(self) -> bool:
+        """Can they be floors above each other? A second wall's rows lie between those of the first."""
+        heights = [self.height_m(at) for at in range(len(self.rows))]
+        return all(upper - lower >= _LEAST_ROWS_M for upper, lower in pairwise(heights))
 
 
 class Climb(NamedTuple):

@@ -16,7 +16,7 @@ MISPLACED_FLOORS = 0.3
 async def confirm_height(step: Step, stage: ConfirmHeight) -> Climb | BoxBuilding:
     """Raises PortError."""
     sight = await step.look_ahead()
-    count = await count_floors(step, sight)
+    count = await count_floors(step, sight, stage.stand_off_m)
     floor, floor_height_m = step.state.floor or 1, step.state.floor_height_m or 3.0
     seen = window_rows(sight, count.rows, 0.5, stage.stand_off_m) if count.rows else None
     found = None if seen is None else check_height(seen, floor, floor_height_m)

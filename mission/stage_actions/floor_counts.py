@@ -3,6 +3,9 @@
 import math
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from contracts.event_data import (
     BandDecision,
     FacadeBand,
@@ -12,6 +15,7 @@ from contracts.event_data import (
     FloorDecisionName,
     FloorNotFoundDecision,
 )
+from contracts.images import JpegImage, encode_jpeg
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
 from mission.looks import Sight
 from mission.model_calls import Answered
@@ -31,6 +35,8 @@ from navigation.floor_localization import (
 
 FACADE = facade.FacadeParameters()
 NUDGE_RAD = math.radians(4)
+_BLANK = 200
+"""The grey of a clouded sky."""
 
 Decision = Climb | FinalHeight | Recount | FloorNotFound
 
@@ -53,17 +59,38 @@ class Decided(NamedTuple):
     words: str
 
 
-async def count_floors(step: Step, sight: Sight) -> Count:
-    """Asks for the floors in one picture. Raises PortError."""
+async def count_floors(step: Step, sight: Sight, stand_off_m: float | None = None) -> Count:
+    """Asks for the floors in one picture. Where the rows of windows can't all be of the wall `stand_off_m` ahead, asks
+    once more with nothing but that wall in the picture. Raises PortError."""
     step.count_stop()
-    question = FloorCountQuestion(
-        model=step.settings.vision_model,
-        image=sight.view.image,
-        camera=sight.view.camera,
-    )
+    count = await _asked(step, sight, sight.view.image)
+    if stand_off_m is None or _is_of_one_wall(count, sight, stand_off_m):
+        return count
+    columns = facade.wall_columns(sight.seen, stand_off_m)
+    if columns is None:
+        return count
+    again = await _asked(step, sight, encode_jpeg(_alone(sight, columns)))
+    return again if again.floors and _is_of_one_wall(again, sight, stand_off_m) else count
+
+
+async def _asked(step: Step, sight: Sight, image: JpegImage) -> Count:
+    question = FloorCountQuestion(model=step.settings.vision_model, image=image, camera=sight.view.camera)
     reply = await step.ask("floors", step.ports.vision.floor_count(question))
     floors, rows = (reply.answer.floors, reply.answer.rows) if isinstance(reply, Answered) else (None, None)
     return Count(floors, rows if rows is not None and len(rows) == floors else None, reply.answer, reply.seconds)
+
+
+def _is_of_one_wall(count: Count, sight: Sight, stand_off_m: float) -> bool:
+    return WindowRows(count.rows or (), sight.eye_z, stand_off_m, vertical(sight)).is_of_one_wall
+
+
+def _alone(sight: Sight, columns: tuple[int, int]) -> NDArray[np.uint8]:
+    """The picture with all but these columns painted over."""
+    alone = np.full_like(sight.rgb, _BLANK)
+    scale = sight.rgb.shape[1] / sight.camera.width
+    shown = slice(round(columns[0] * scale), round(columns[1] * scale))
+    alone[:, shown] = sight.rgb[:, shown]
+    return alone
 
 
 def vertical(sight: Sight) -> VerticalView:

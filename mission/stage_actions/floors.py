@@ -40,7 +40,15 @@ from mission.stages import (
 from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
 from navigation.camera import wrap_radians
-from navigation.floor_localization import FinalHeight, FloorNotFound, Recount, WindowRows, band, band_span_m
+from navigation.floor_localization import (
+    LEAST_FLOOR_M,
+    FinalHeight,
+    FloorNotFound,
+    Recount,
+    WindowRows,
+    band,
+    band_span_m,
+)
 
 DRIFT_M = 0.5
 SAME_WAY_RAD = math.radians(50.0)
@@ -87,7 +95,7 @@ async def count_band_from_nearer(step: Step, stage: CountBandFromNearer) -> Clim
 
 async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None) -> Climb | CountBand | TakeStand:
     """Eq. 3 after one band: the final height, the next band, or the same once more."""
-    count = _across_edge(await count_floors(step, sight), sight, stage)
+    count = _across_edge(await count_floors(step, sight, stage.stand_off_m), sight, stage)
     decision = floor_localization.decide(
         stage.band, stage.floors_below, count.floors, step.state.floor or 1, top, eq3_settings(step)
     )
@@ -147,7 +155,7 @@ def _once_more_from_below(step: Step, stand_off_m: float, top_m: float) -> Climb
 
 def _to_final_height(step: Step, final: FinalHeight, stand_off_m: float) -> Climb:
     """The climb to the middle of the floor that was asked for."""
-    step.update(final_height_m=final.height_m, floor_height_m=final.floor_height_m)
+    step.update(final_height_m=final.height_m, floor_height_m=max(final.floor_height_m, LEAST_FLOOR_M))
     why = f"to floor {step.state.floor} at {final.height_m:.1f} m"
     return Climb(to_m=final.height_m, why=why, then=ConfirmHeight(stand_off_m=stand_off_m))
 

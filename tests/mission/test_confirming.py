@@ -85,3 +85,25 @@ async def test_before_there_is_no_such_floor_all_floors_are_counted_once_more_fr
     first, again = [e.data for e in log.of("floor_count")]
     assert [(e.floors_new, e.decision) for e in (first, again)] == [(3, "FloorNotFound"), (5, "FinalHeight")]
     assert again.pose.z == pytest.approx(first.facade_top_m / 2.0, abs=0.5)
+
+
+async def test_a_count_that_mixes_two_walls_rows_is_made_again_with_the_wall_ahead_alone() -> None:
+    log = Events()
+    # a wing farther off puts rows of its own between those of the wall ahead
+    mixed = answered((0.15, 0.2, 0.28, 0.34, 0.45, 0.5, 0.6, 0.65))
+    result = await flown(Block(), log, [mixed])
+    assert result.outcome == "delivered"
+    (count,) = [e.data for e in log.of("floor_count")]
+    assert count.floors_new == 6
+    assert log.of("height_check")[-1].data.confirmed
+
+
+async def test_floors_too_low_to_live_on_leave_what_stands_on_the_floor_asked_for_on_it() -> None:
+    log = Events()
+    mixed = answered((0.15, 0.2, 0.28, 0.34, 0.45, 0.5, 0.6, 0.65))
+    # a thing on the floor's ground, 1.2 m below the middle of its window; the wall ahead alone tells no better
+    result = await flown(Block(thing=(3.0, -6.2, 9.3)), log, [mixed, mixed])
+    (count,) = [e.data for e in log.of("floor_count")]
+    assert count.detail.floor_height_m == pytest.approx(1.5)
+    assert log.of("height_check")[-1].data.confirmed
+    assert result.outcome == "delivered"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from navigation.camera import Depth, DepthView, Pose, pinhole
-from navigation.facade import FacadeParameters, facade_top_m, stand_off_m, wall_at_row_m
+from navigation.facade import FacadeParameters, facade_top_m, stand_off_m, wall_at_row_m, wall_columns
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 USUAL = FacadeParameters()
@@ -104,3 +104,16 @@ def test_the_wall_at_a_row_is_measured_there_and_the_stand_off_stands_in_for_wha
     assert wall_at_row_m(_seen(depth), 0.30, 10.0, settings) == 10.0
     assert wall_at_row_m(_seen(depth), 0.90, 10.0, settings) == 10.0
     assert wall_at_row_m(_seen(np.full((100, 100), np.inf, np.float32)), 0.5, 10.0, settings) == 10.0
+
+
+def test_the_wall_ahead_is_told_from_a_wing_that_steps_back() -> None:
+    ahead = Prism(rectangle(5.0, 5.0, 10.0, 10.0), 0.0, 12.0)
+    wing = Prism(rectangle(-5.0, 10.0, 10.0, 10.0), 0.0, 12.0)
+    # nine metres away the wall from x = 0 to 9 fills the right half of the picture
+    assert wall_columns(_seen(_front(ahead, wing)), 9.0) == pytest.approx((100, 200), abs=2)
+
+
+def test_a_wall_that_fills_the_picture_is_shown_by_all_columns_and_a_post_is_no_wall() -> None:
+    assert wall_columns(_seen(_front(_block(20.0))), 9.0) == (0, 200)
+    post = Prism(rectangle(0.0, 0.0, 0.3, 0.3), 0.0, 20.0)
+    assert wall_columns(_seen(_front(post)), 9.0) is None

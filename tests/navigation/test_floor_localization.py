@@ -276,3 +276,13 @@ def test_every_floor_is_counted_once_wherever_the_bands_touch(stand_off_m: float
 def test_rows_that_are_floors_of_their_own_stay_as_they_are(rows: tuple[float, ...], below: tuple[float, ...]) -> None:
     here, before = WindowRows(rows, 24.9, 8.3, SQUARE), WindowRows(below, 8.3, 8.3, SQUARE)
     assert across_edge(here, before, 16.6) == rows
+
+
+@pytest.mark.parametrize(
+    ("rows", "one_wall"),
+    [((), True), ((0.4,), True), ((0.3, 0.47, 0.63), True), ((0.54, 0.59, 0.74), False), ((0.73, 0.76), False)],
+)
+def test_rows_nearer_to_each_other_than_floors_can_be_are_not_of_one_wall(
+    rows: tuple[float, ...], one_wall: bool
+) -> None:
+    assert WindowRows(rows, 9.0, 9.0, SQUARE).is_of_one_wall is one_wall
