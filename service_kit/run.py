@@ -24,6 +24,7 @@ from service_kit.hosts import Hosts, is_loopback
 from service_kit.http_limits import ConnectionLimits, OpenConnections, default_limits
 from service_kit.http_protocol import ServiceProtocol
 from service_kit.settings import BadSetting, ServiceSettings, process_environment
+from service_kit.tidying import keep_tidy
 from service_kit.workers import Supervisor, Worker, bound_socket
 
 PARENT_WATCH_S = 0.5
@@ -168,6 +169,7 @@ def run(
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    keep_tidy()
     with contextlib.suppress(KeyboardInterrupt):
         server.run(sockets=[listener] if listener is not None else None)
 

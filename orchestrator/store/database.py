@@ -13,6 +13,8 @@ from service_kit.settings import BadSetting
 
 BUSY_S = 30
 POOL = 20
+CACHE_KB = 256
+"""Of each connection; it is of no use beyond a transaction, as every other connection's write empties it."""
 
 
 class Database:
@@ -112,6 +114,7 @@ def _sqlite_engine(url: sa.URL, synchronous: Literal["FULL", "NORMAL"]) -> sa.En
             "journal_mode=WAL",
             f"synchronous={synchronous}",
             "foreign_keys=ON",
+            f"cache_size=-{CACHE_KB}",
         )
         for pragma in pragmas:
             connection.execute(f"PRAGMA {pragma}")

@@ -35,6 +35,7 @@ ANSWERS_WITHIN_S = 8.0
 """Longer than MAVSDK waits for an autopilot's answer."""
 T = TypeVar("T")
 LOOK_FOR_S = 1.0
+LOOK_EVERY_S, HEARTBEATS_WITHIN = 0.1, 30
 NO_WORD = frozenset({"TIMEOUT", "NO_SYSTEM", "CONNECTION_ERROR"})
 GUIDED = 4
 """ArduCopter's number of the mode that takes set-points."""
@@ -196,7 +197,7 @@ class Link:
             system = await self._mavsdk.first_autopilot(LOOK_FOR_S)
         self._offboard, self._direct = OffboardAsync(system), MavlinkDirectAsync(system)
         self._system_id = await system.get_system_id()
-        self.firmware = FIRMWARES.get(await system.autopilot_type(), "other")
+        self.firmware = await _firmware(system)
         self._action = ActionAsync(system)
         self.telemetry.heard()
         log.warning("an autopilot is heard at %s: %s", self.address, self.firmware)
@@ -204,6 +205,15 @@ class Link:
         listener = Listener(said, self.telemetry)
         self._tasks += [asyncio.create_task(run) for run in listener.streams()]
         self._tasks.append(asyncio.create_task(listener.ask_for_streams(self._called)))
+
+
+async def _firmware(system: System) -> Firmware:
+    """A system counts as found when anything of it is heard; what flies it tells its heartbeat, one a second."""
+    for _ in range(HEARTBEATS_WITHIN):
+        if (known := FIRMWARES.get(await system.autopilot_type())) is not None:
+            return known
+        await asyncio.sleep(LOOK_EVERY_S)
+    return "other"
 
 
 @cache

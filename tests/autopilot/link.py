@@ -62,7 +62,9 @@ class Link:
         if autopilot.firmware == "px4":
             self._every_s = {number: 1.0 / hz for number, hz in ALWAYS_HZ.items()}
         self._due: dict[int, float] = {}
-        self._heartbeat_s = 0.0
+        self._company_s = 0.0
+        # its own come half a second later: who listens hears the others, and its streams, before it
+        self._heartbeat_s = time.monotonic() - 0.5
         self._began = time.monotonic()
         self.set_points: list[float] = []
         self.commands: list[int] = []
@@ -86,6 +88,9 @@ class Link:
         if self._silent:
             return
         now = time.monotonic()
+        if now - self._company_s >= 1.0:
+            self._company_s = now
+            self._others_heartbeats()
         if now - self._heartbeat_s >= 1.0:
             self._heartbeat_s = now
             self._heartbeat()
@@ -107,11 +112,13 @@ class Link:
         """Somebody else on the link asks for all streams at that rate, as MAVProxy does every 15 s."""
         self._every_s = dict.fromkeys(ALWAYS_HZ, 1.0 / hz)
 
-    def _heartbeat(self) -> None:
+    def _others_heartbeats(self) -> None:
         for number, mav in enumerate(self._company):
             kind, base = COMPANY[number][2:]
             beat = mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, base, 0, 4, 3)
             self._socket.sendto(beat.pack(mav), self._to)
+
+    def _heartbeat(self) -> None:
         autopilot = self._autopilot
         base = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if autopilot.armed else 0

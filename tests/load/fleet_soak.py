@@ -113,6 +113,7 @@ def main() -> None:
     ports = free_ports(PORTS)
     with tempfile.TemporaryDirectory() as folder:
         extra = oracle_settings(ports) | {"orchestrator": {"RUNS_DIR": str(Path(folder) / "runs")}}
+        extra["sim"] |= {"SIM_KEPT_SCENES": "0"}  # kept ones are large or small by chance
         extra["vlm_gateway"] |= {"CACHE_PATH": str(Path(folder) / "answers.sqlite")}
         services = Processes(ports, Path(folder) / "logs", environment=process_environment(), extra=extra)
         try:
