@@ -2,11 +2,14 @@
 its typed outcome at the parser's door."""
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import pytest
 
+from services.llm_parser import bootstrap as parser_bootstrap
 from services.llm_parser.bootstrap import bootstrap
+from services.llm_parser.reader.model import ReaderModel
 from services.llm_parser.settings import LlmParserSettings
 from tests.conftest import Serve
 from tests.services.vlm_gateway.faults import EMPTY_CHOICES, FAULTS, Fault, suffering
@@ -14,6 +17,14 @@ from tests.services.vlm_gateway.kit import build, chat_backend, post
 from tests.services.vlm_gateway.openai_mock import OpenAiMock, says
 
 REQUEST = "Hi, I'm on the seventh floor and there's a green flower pot at my window."
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_reader() -> Iterator[None]:
+    """The parsers of all these tests share the weights: 150 MB of them are enough."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parser_bootstrap, "ReaderModel", cache(ReaderModel))
+        yield
 
 
 @pytest.fixture(scope="module")
