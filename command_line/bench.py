@@ -44,6 +44,7 @@ from evaluation.bench.folder import BadFolder, RunFolder
 from evaluation.bench.queue_database import program_of
 from evaluation.bench.run import CannotRun, Run
 from evaluation.bench.run_settings import RunSettings
+from evaluation.bench.sensor_faults import SensorFaults
 from evaluation.bench.worker import Job
 from evaluation.metrics.summary import Summary
 from evaluation.sim_client import SimulatorFault
@@ -94,6 +95,8 @@ def bench(
     box_jitter: Annotated[float, typer.Option(min=0, max=1, help="Oracle: edges off by this share (sigma).")] = 0.0,
     refusal_rate: Annotated[float, typer.Option(min=0, max=1, help="Oracle: an answer is declined.")] = 0.0,
     noise_seed: Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Oracle: of all of these.")] = 0,
+    fault_rate: mission_options.FaultRate = 0.0,
+    fault_seed: mission_options.FaultSeed = 0,
     workers: Annotated[
         int | None, typer.Option(min=1, max=MAX_WORKERS, help="Processes that fly.", show_default="one a core")
     ] = None,
@@ -222,6 +225,7 @@ def bench(
         versions=versions(),
         shard=share,
         customer=customer,
+        faults=SensorFaults(rate=fault_rate, seed=fault_seed) if fault_rate else None,
     )
     cores = one_core_each(process_environment())
     if subtask is not None:
@@ -242,6 +246,7 @@ def bench(
         pictures="all" if trajectories else pictures,
         trajectories=trajectories,
         customer=customer,
+        faults=settings.faults,
         episode_s=episode_s,
     )
     with folder, ExitStack() as stack:

@@ -36,6 +36,10 @@ Sightings = Annotated[
 Drift = Annotated[
     float, typer.Option(min=0, max=0.1, help="How far the reported pose strays per metre flown; 0.01 is 1 %.")
 ]
+FaultRate = Annotated[
+    float, typer.Option(min=0, max=1, help="Frozen frames, no depth, a jump of the position: each at so many flights.")
+]
+FaultSeed = Annotated[int, typer.Option(min=0, max=SEED_HIGH, help="Of these faults.")]
 Parser = Annotated[str | None, typer.Option(help="The parser's model; its own default without it.")]
 GroundFloor = Annotated[
     int | None,

@@ -7,6 +7,7 @@ from pydantic import JsonValue, TypeAdapter
 from contracts.base import ModelName, Wire
 from contracts.orchestrator import MissionSettings
 from evaluation.bench.customer import Asked
+from evaluation.bench.sensor_faults import SensorFaults
 from evaluation.bench.shard import Shard
 from mission.policies import DEFAULT, policy_type
 
@@ -17,7 +18,8 @@ _OF_POLICIES = ("choice", "min_move_m", "safe_distances")
 
 class RunSettings(Wire):
     """Everything needed to fly a run again. `count`: how many tasks the whole run has; where it is one `shard` of it,
-    only that share of them is flown. `customer`: who answers a mission's questions."""
+    only that share of them is flown. `customer`: who answers a mission's questions. `faults`: of the sensors, drawn for
+    each task."""
 
     tasks: str
     checksum: str
@@ -31,6 +33,7 @@ class RunSettings(Wire):
     model: dict[str, Any] = {}
     shard: Shard | None = None
     customer: Asked = "nobody"
+    faults: SensorFaults | None = None
 
     @classmethod
     def read(cls, text: str) -> Self:

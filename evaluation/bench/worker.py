@@ -22,6 +22,7 @@ from contracts.orchestrator import Delivery, DeliveryQuestion, DeliveryResult, M
 from contracts.sim import EpisodeQuestion
 from evaluation.bench.customer import Asked, TaskCustomer
 from evaluation.bench.episode_keeping import EpisodeKeeping, Kept
+from evaluation.bench.sensor_faults import SensorFaults
 from evaluation.bench.task_settings import settings_of_task
 from evaluation.bench.worker_loop import answer_lines
 from evaluation.metrics.episode import EpisodeRecord
@@ -59,6 +60,7 @@ class Job(Wire):
     gateway: dict[str, str] = {}
     pictures: Kept = "none"
     customer: Asked = "nobody"
+    faults: SensorFaults | None = None
     trajectories: bool = False
     episode_s: float = Field(default=900.0, gt=0.0)
 
@@ -250,7 +252,7 @@ class Worker:
         return trial_question(task.scene, self._settings(task))
 
     def _settings(self, task: Task) -> MissionSettings:
-        return settings_of_task(self._job.mission, self._job.backend, task)
+        return settings_of_task(self._job.mission, self._job.backend, task, self._job.faults)
 
     def _record_folder(self, task: Task) -> Path | None:
         if self._job.pictures == "none":
