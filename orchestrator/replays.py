@@ -31,9 +31,15 @@ class Replays:
     """Records below `folder`, or below its `episodes`; nothing is written there."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder / "episodes" if (folder / "episodes").is_dir() else folder
+        self._given = folder
         self._done: dict[str, Delivery] = {}
         self._streets: dict[str, StreetPlan | None] = {}
+
+    @property
+    def _folder(self) -> Path:
+        """A run has its `episodes` once the first of them is begun."""
+        episodes = self._given / "episodes"
+        return episodes if episodes.is_dir() else self._given
 
     async def overview(self, chosen: Chosen) -> Overview:
         """As the orchestrator's, without vehicles: a record tells only where its drone stopped last. Raises

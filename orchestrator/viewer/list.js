@@ -122,7 +122,7 @@ export function makeList(changed) {
           ? "There are older ones: search for their words or number."
           : text || filter
             ? "No delivery is like that."
-            : "No delivery was ordered yet.",
+            : "There is no delivery yet.",
       );
       FILTERS.forEach(([query, name], i) => {
         const counted =

@@ -113,3 +113,14 @@ def test_what_is_no_record_is_not_found(run: Path, serve: Serve, path: str) -> N
     with httpx.Client(base_url=serve(build_replay_app(Replays(run)))) as client:
         answer = client.get(f"/v1/deliveries/{path}")
         assert (answer.status_code, "error" in answer.json()) == (404, True)
+
+
+def test_a_run_is_looked_at_before_its_first_episode_has_begun(tmp_path: Path, serve: Serve) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    with httpx.Client(base_url=serve(build_replay_app(Replays(run))), timeout=20) as client:
+        assert client.get("/v1/overview").json()["deliveries"] == []
+        flown = record(run, "006")
+        flown.write(1, "parse", "reading the request", NoData())
+        assert [line["id"] for line in client.get("/v1/overview").json()["deliveries"]] == ["006"]
+        end(flown)
