@@ -29,8 +29,9 @@ from service_kit.connections import Connections
 from service_kit.settings import BadSetting, process_environment, secret
 
 ENOUGH_DISK_BYTES = 1 << 30
-NOT_FOR_FLYING = ("all", "carla", "eval", "lerobot", "mcap", "rerun", "train")
+NOT_FOR_FLYING = ("all", "carla", "eval", "lerobot", "mcap", "otel", "rerun", "train")
 """Extras of the project that no service and no flight needs; `all` holds others besides."""
+INSTALL = "`make setup`, or `pip install 'logisticsvln[all]'` in an environment of your own"
 CALIBRATION = "services.vlm_gateway.calibration"
 GL_PROBE = """
 import moderngl
@@ -95,10 +96,10 @@ def _packages() -> Finding:
     try:
         requirements = importlib.metadata.requires("logisticsvln") or []
     except importlib.metadata.PackageNotFoundError:
-        return Finding("Packages", False, "the project itself is not installed", "`make setup`")
+        return Finding("Packages", False, "the project itself is not installed", INSTALL)
     missing = [name for name in required_packages(requirements) if not _there(name)]
     found = f"missing: {', '.join(missing)}" if missing else "all there"
-    return Finding("Packages", not missing, found, "`make setup`" if missing else "")
+    return Finding("Packages", not missing, found, INSTALL if missing else "")
 
 
 def required_packages(requirements: Sequence[str]) -> list[str]:

@@ -30,6 +30,7 @@ from launcher.processes import CannotStart, Processes, free_ports
 from mission.clients import Services
 from mission.ports import PortError
 from mission.record import BadRecord, write_whole
+from mission.wording import counted
 from service_kit.connections import Connections
 from service_kit.settings import process_environment
 
@@ -62,6 +63,7 @@ def ask_offline(
     for model in models:
         stop_without_models(gateway, seeing=model)
     answers: dict[str, Mapping[str, Given]] = {}
+    troubles: list[str] = []
     try:
         with ExitStack() as files:
             answers[TRUTH] = _truth(questions, files.enter_context(AnswerFile(out, TRUTH)), console)
@@ -72,6 +74,7 @@ def ask_offline(
                     _ask_person(questions, file, console)
                 else:
                     _ask_model(name, questions, file, at_once, gateway, console)
+                troubles += [f"{name}: {file.trouble}"] if file.trouble is not None else []
     except (asyncio.CancelledError, KeyboardInterrupt):
         stop(f"interrupted; the same command goes on with what is not answered in {out}", INTERRUPTED)
     except NoQuestions as error:
@@ -89,7 +92,8 @@ def ask_offline(
         print_offline(Console(), summary, out)
     silent = sum(f.unreachable for by_who in summary.figures.values() for f in by_who.values())
     if silent:
-        stop(f"{silent} questions were not answered: the model was out of reach; the same command asks again", FAILED)
+        why = "; ".join(troubles)
+        stop(f"{counted(silent, 'question')} without an answer ({why}); the same command asks again", FAILED)
 
 
 class _Priced(BaseModel):

@@ -22,6 +22,8 @@ class AnswerFile:
         folder.mkdir(parents=True, exist_ok=True)
         self.path = folder / f"{who.replace('/', '~')}.jsonl"
         self.given: dict[str, Given] = {}
+        self.trouble: str | None = None
+        """Why the first question that got no answer got none."""
         data = self.path.read_bytes() if self.path.exists() else b""
         whole = data.rfind(b"\n") + 1
         for number, line in enumerate(data[:whole].splitlines(), start=1):
@@ -66,19 +68,17 @@ async def ask_all(
 
     async def work() -> None:
         for question in pending:
-            answers.add(await _answered(vision, question, question.asked(model)))
+            try:
+                said = given(question.id, await _put(vision, question.asked(model)))
+            except ModelUnreachable as error:
+                said = Given(question=question.id, outcome="unreachable")
+                answers.trouble = answers.trouble or str(error)
+            answers.add(said)
             told()
 
     async with asyncio.TaskGroup() as group:
         for _ in range(at_once):
             group.create_task(work())
-
-
-async def _answered(vision: Vision, question: RecordedQuestion, asked: Asked) -> Given:
-    try:
-        return given(question.id, await _put(vision, asked))
-    except ModelUnreachable:
-        return Given(question=question.id, outcome="unreachable")
 
 
 async def _put(vision: Vision, asked: Asked) -> Answer:

@@ -43,6 +43,7 @@ def test_only_packages_that_flying_needs_are_looked_for() -> None:
         'matplotlib>=3.9; extra == "eval"',
         "torch>=2.6; extra == 'train'",
         "torch>=2.6; extra == 'all'",
+        "opentelemetry-sdk>=1.30; extra == 'otel'",
     ]
     assert required_packages(requirements) == ["aiohttp", "pybullet", "uvicorn"]
 

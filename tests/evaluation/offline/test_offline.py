@@ -101,6 +101,7 @@ async def test_what_is_answered_is_not_asked_again_and_what_was_out_of_reach_is(
         await ask_all(first, "org/tiny", questions, file, 3)
         assert len(first.asked) == len(questions)
         assert [given.outcome for given in file.given.values()].count("unreachable") == 2
+        assert file.trouble == "away"
     path = tmp_path / "org~tiny.jsonl"
     path.write_bytes(path.read_bytes() + b'{"question":"cut o')
     with AnswerFile(tmp_path, "org/tiny") as file:
