@@ -108,6 +108,10 @@ class Orchestrator:
         """What is wrong with the database; null when all is well."""
         return await asyncio.to_thread(self._database.problem)
 
+    async def keeps_records(self) -> str | None:
+        """Why records can't be kept; null when all is well."""
+        return await asyncio.to_thread(self._records.files.problem)
+
     async def close(self) -> None:
         """What is under way is left for another process, or for this one when it is started again."""
         await self._carrier.close(LEAVE_WITHIN_S)

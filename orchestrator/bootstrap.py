@@ -17,6 +17,7 @@ from orchestrator.settings import OrchestratorSettings
 from orchestrator.store.database import Database
 from orchestrator.turns import Policy
 from orchestrator.webhooks import Webhook
+from service_kit.app import Check
 from service_kit.settings import BadSetting, revealed
 
 
@@ -42,7 +43,8 @@ def bootstrap(settings: OrchestratorSettings) -> FastAPI:
         lambda: signing_key(revealed(settings.orchestrator_key), settings.runs_dir),
         settings.session_hours * 3600,
     )
-    checks = {client.service: client.usable for client in services.all} | {"database": orchestrator.usable}
+    checks: dict[str, Check] = {client.service: client.usable for client in services.all}
+    checks |= {"database": orchestrator.usable, "records": orchestrator.keeps_records}
     return build_app(orchestrator, checks=checks, access=access, on_close=fleet.close)
 
 

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 AT_A_TIME = 8
 """Files of a record that are written at a time."""
 REQUEST_S = 20.0
+PROBE, NO_BUCKET = "none", "NoSuchBucket"
+"""A file that there is not, and what S3 says where there is not even the bucket."""
 RETRIES = 5
 RETRIES_S = 30.0
 
@@ -68,6 +70,15 @@ class BucketFiles:
 
     def place(self, delivery: str) -> str:
         return f"{self._url}/{delivery}"
+
+    def problem(self) -> str | None:
+        try:
+            obstore.get(self._store, PROBE)
+        except FileNotFoundError as error:  # as it should be, unless it is the bucket that is not there
+            return f"there is no bucket {self._url}" if NO_BUCKET in str(error) else None
+        except BaseError as error:
+            return _reason(error)
+        return None
 
     def write(self, delivery: str, files: Files) -> None:
         def put(file: str) -> None:

@@ -1,5 +1,6 @@
 """Where the files of deliveries' records lie: in a folder, or in a bucket of an S3-compatible store."""
 
+import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,6 +20,10 @@ class RecordFiles(Protocol):
 
     def place(self, delivery: str) -> str:
         """Where the record lies, for people."""
+        ...
+
+    def problem(self) -> str | None:
+        """Why no record could be written or read now; null when all is well."""
         ...
 
     def write(self, delivery: str, files: Files) -> None:
@@ -61,6 +66,10 @@ class FolderFiles:
 
     def place(self, delivery: str) -> str:
         return str(self.runs / delivery)
+
+    def problem(self) -> str | None:
+        there = self.runs.is_dir()
+        return None if there and os.access(self.runs, os.W_OK) else f"{self.runs} is no folder that can be written"
 
     def write(self, delivery: str, files: Files) -> None:
         folder = self.runs / delivery

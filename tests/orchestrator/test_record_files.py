@@ -20,6 +20,7 @@ def files(request: pytest.FixtureRequest, tmp_path: Path) -> RecordFiles:
 
 
 def check_files(files: RecordFiles) -> None:
+    assert files.problem() is None
     assert (files.read("a", "result.json"), files.size("a")) == (None, 0)
     files.delete("a")
     files.write("a", {f"pictures/{k:04d}_view.jpg": bytes([k]) * 10 for k in range(1, 30)})
@@ -86,6 +87,11 @@ def test_a_bucket_that_does_not_answer_is_trouble_with_a_disk(monkeypatch: pytes
     ):
         with pytest.raises(OSError, match="the bucket of the records: "):
             call()
+    assert "error sending request" in str(files.problem())
+
+
+def test_a_folder_that_is_not_there_is_a_problem(tmp_path: Path) -> None:
+    assert FolderFiles(tmp_path / "runs").problem() == f"{tmp_path / 'runs'} is no folder that can be written"
 
 
 @pytest.mark.parametrize("url", ["records", "https://records", "s3://", "s3:/records", "s3://records?x=1"])

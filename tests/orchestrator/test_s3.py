@@ -64,6 +64,7 @@ def test_a_bucket_that_is_not_there_is_trouble_with_a_disk(bucket: Bucket) -> No
     files = opened(bucket._replace(url="s3://other"))
     with pytest.raises(OSError, match="the bucket of the records: "):
         files.write("a", {"result.json": b"{}"})
+    assert files.problem() == "there is no bucket s3://other"
 
 
 @pytest.mark.s3

@@ -60,7 +60,7 @@ async def test_tokens_in_files_reach_every_service(guarded: Processes, secrets: 
     orchestrator = next(child.url for child in guarded.children if child.name == "orchestrator")
     async with httpx.AsyncClient(base_url=orchestrator) as client:
         checks = (await client.get("/readyz")).json()["checks"]
-        assert checks == dict.fromkeys((*FLIGHT_SERVICES, "database"), "ok")
+        assert checks == dict.fromkeys((*FLIGHT_SERVICES, "database", "records"), "ok")
         assert (await client.get("/v1/deliveries")).status_code == 401
         allowed = await client.get("/v1/deliveries", headers={"Authorization": "Bearer orchestrator-s3cret"})
         assert allowed.status_code == 200
@@ -85,7 +85,12 @@ async def test_the_orchestrator_is_not_ready_with_a_wrong_token_and_names_servic
         answer = await client.get(f"{url}/readyz")
     assert answer.status_code == 503
     checks = answer.json()["error"]["details"]["checks"]
-    assert {name for name, state in checks.items() if state == "ok"} == {"llm_parser", "vlm_gateway", "database"}
+    assert {name for name, state in checks.items() if state == "ok"} == {
+        "llm_parser",
+        "vlm_gateway",
+        "database",
+        "records",
+    }
     assert checks["sim"].startswith("refuses the token of SIM_TOKEN")
     assert checks["depth_assist"].startswith("asks for a token; set DEPTH_ASSIST_TOKEN or DEPTH_ASSIST_TOKEN_FILE")
 
