@@ -85,12 +85,8 @@ async def test_the_orchestrator_is_not_ready_with_a_wrong_token_and_names_servic
         answer = await client.get(f"{url}/readyz")
     assert answer.status_code == 503
     checks = answer.json()["error"]["details"]["checks"]
-    assert {name for name, state in checks.items() if state == "ok"} == {
-        "llm_parser",
-        "vlm_gateway",
-        "database",
-        "records",
-    }
+    well = {name for name, state in checks.items() if state == "ok"}
+    assert well == {"llm_parser", "vlm_gateway", "database", "records"}
     assert checks["sim"].startswith("refuses the token of SIM_TOKEN")
     assert checks["depth_assist"].startswith("asks for a token; set DEPTH_ASSIST_TOKEN or DEPTH_ASSIST_TOKEN_FILE")
 
