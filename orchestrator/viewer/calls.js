@@ -17,7 +17,7 @@ export function makeCalls(seek) {
   );
   const node = el(
     "section",
-    { class: "card" },
+    { class: "card calls" },
     el("h2", {}, "Questions to models ", sum),
     el(
       "div",

@@ -99,10 +99,11 @@ function floors(scale, facade, top) {
       const y = scale.y(floor * facade.storey);
       shown.push(svg("line", { class: "storey", x1: LEFT, x2: WIDE - 10, y1: y, y2: y }));
       if (floor === facade.floor) {
-        const under = scale.y((floor - 1) * facade.storey);
+        const under = scale.y((floor - 1) * facade.storey),
+          label = under - y < 30 ? y - 5 : under - 4; // in a low row it would lie on the way flown
         shown.push(
           svg("rect", { class: "wanted", x: LEFT, y, width: WIDE - LEFT - 10, height: under - y }),
-          svg("text", { x: LEFT + 6, y: under - 4 }, `floor ${floor}`),
+          svg("text", { x: LEFT + 6, y: label }, `floor ${floor}`),
         );
       }
     }
