@@ -89,7 +89,7 @@ function outlookOf({ status, outcome, outlook: told, started, time }) {
   if (status === "waiting")
     return `${told.ahead ? `${told.ahead} ${told.ahead === 1 ? "delivery is" : "deliveries are"} before yours. ` : ""}${usual}`;
   const flown = (new Date(time) - new Date(started)) / 1000;
-  return flight ? `In the air for ${duration(flown)}. ${usual}` : `In the air for ${duration(flown)}.`;
+  return `In the air for ${duration(flown)}. ${usual}`;
 }
 
 function draw() {

@@ -71,6 +71,7 @@ def test_a_customer_is_told_that_their_drone_is_silent_and_where_it_was(secured:
     link = secured.client.post(f"/v1/deliveries/{name}/link").json()["path"]
     page = open_page(secured.url + link, viewport=PHONE)
     expect(page.locator(".where")).to_contain_text("m above the ground")
+    expect(page.locator("#outlook")).to_contain_text(re.compile("In the air for .*(usually takes|not known yet)"))
     secured.world.away = True
     try:
         expect(page.locator("#trouble")).to_contain_text("last heard")
