@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import signal
 import threading
+import time
 from contextlib import closing
 from pathlib import Path
 
@@ -130,12 +131,18 @@ def test_a_database_that_does_not_answer_is_told_without_its_password() -> None:
 def test_a_run_whose_database_has_gone_can_be_broken_off(tmp_path: Path) -> None:
     server = Postgres(free_port())
     url = server.database()
-    stopping = threading.Timer(1.0, server.stop)
+
+    def stop_once_queued() -> None:
+        while queued(url) == 0:
+            time.sleep(0.05)
+        server.stop()
+
+    stopping = threading.Thread(target=stop_once_queued)
     stopping.start()
     try:
         with pytest.raises((TimeoutError, SQLAlchemyError)):
             fly_queued(url, tmp_path, 4, [], [])
     finally:
-        stopping.join()
+        stopping.join(10)
         server.close()
     assert results(tmp_path) == []
