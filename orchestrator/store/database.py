@@ -1,7 +1,8 @@
 """The database of the orchestrators: an SQLite file that one of them has for itself, or PostgreSQL for several."""
 
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any, Literal, TextIO
+from typing import Any, Literal, TextIO, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy import event
@@ -11,6 +12,7 @@ from orchestrator.store.tables import MIGRATIONS, metadata, schema_version
 from service_kit.file_lock import HeldElsewhere, hold
 from service_kit.settings import BadSetting
 
+T = TypeVar("T")
 BUSY_S = 30
 POOL = 20
 CACHE_KB = 256
@@ -83,6 +85,13 @@ class Database:
                 step(connection)
             connection.execute(schema_version.delete())
             connection.execute(schema_version.insert().values(version=len(MIGRATIONS)))
+
+
+def padded(names: Collection[T]) -> list[T]:
+    """The last of them repeated, up to a power of two, for `IN`: each length is a statement of its own, and every
+    connection keeps the last hundred statements."""
+    found = list(names)
+    return found + found[-1:] * ((1 << (len(found) - 1).bit_length()) - len(found)) if found else found
 
 
 def _alone(file: Path) -> TextIO:

@@ -16,6 +16,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.exc import IntegrityError
 
 from contracts.orchestrator import DeliveryStatus, Phase
+from orchestrator.store.database import padded
 from orchestrator.store.tables import deliveries, events
 
 Lane = Literal["request", "simulator", "vehicle", "prompt"]
@@ -119,7 +120,7 @@ class DeliveryStore:
             insert = _INSERT[c.dialect.name](deliveries).on_conflict_do_nothing().returning(*deliveries.c)
             added = {row.id: stored_delivery(row) for row in c.execute(insert, list(first.values()))}
             keys = [key for row in rows if row["id"] not in added and (key := row["idempotency_key"]) is not None]
-            chosen = sa.select(deliveries).where(deliveries.c.idempotency_key.in_(keys))
+            chosen = sa.select(deliveries).where(deliveries.c.idempotency_key.in_(padded(keys)))
             known = {row.idempotency_key: stored_delivery(row) for row in (c.execute(chosen) if keys else ())}
         found: list[StoredDelivery | None] = []
         for row in rows:
@@ -141,8 +142,8 @@ class DeliveryStore:
         """Those of these that there are."""
         found: set[str] = set()
         with self._engine.connect() as c:
-            for k in range(0, len(names), 500):
-                chosen = sa.select(deliveries.c.id).where(deliveries.c.id.in_(names[k : k + 500]))
+            for k in range(0, len(names), 512):
+                chosen = sa.select(deliveries.c.id).where(deliveries.c.id.in_(padded(names[k : k + 512])))
                 found.update(c.execute(chosen).scalars())
         return found
 
@@ -265,7 +266,7 @@ class DeliveryStore:
     def versions(self, names: Sequence[str]) -> dict[str, int]:
         """How often each of these was changed."""
         with self._engine.connect() as c:
-            chosen = sa.select(deliveries.c.id, deliveries.c.version).where(deliveries.c.id.in_(names))
+            chosen = sa.select(deliveries.c.id, deliveries.c.version).where(deliveries.c.id.in_(padded(names)))
             return {row[0]: row[1] for row in c.execute(chosen)}
 
     def carried_by(self, executors: Sequence[str]) -> list[StoredDelivery]:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import sqlalchemy as sa
 
 from contracts.orchestrator import DeliveryStatus, OutcomeName
+from orchestrator.store.database import padded
 from orchestrator.store.tables import deliveries, events
 
 REMEMBERED = 100
@@ -84,7 +85,7 @@ class LineStore:
 
     def requests(self, names: Collection[str]) -> dict[str, str]:
         """The customer's words of those deliveries."""
-        query = sa.select(deliveries.c.id, deliveries.c.request).where(deliveries.c.id.in_(names))
+        query = sa.select(deliveries.c.id, deliveries.c.request).where(deliveries.c.id.in_(padded(names)))
         with self._engine.connect() as connection:
             return {row[0]: row[1] for row in connection.execute(query)}
 

@@ -4,7 +4,8 @@
 
 Real services; the oracle answers most deliveries, the embedded model every fourth. Each delivery's events are listened
 to, and the pages' lists, a picture and the figures are asked for. Memory is read between two deliveries, when nothing
-is under way. The code is 1 where a service grows by more than 1 MB an hour, its first minutes left out.
+is under way. Services give back once a minute what they no longer need, so the least of each five minutes counts. The
+code is 1 where a service grows by more than 1 MB an hour, its first minutes left out.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,6 +32,7 @@ from tests.system.orchestrator_process import OrchestratorDoor, heard
 FIRST_SEED = 80_000
 EMBEDDED_EVERY = 4
 MB_AN_HOUR = 1.0
+WINDOW_HOURS = 5 / 60
 WARM_SHARE = 1 / 3
 SETTLE_S = 1.0
 SETTINGS = {"image_size": 160, "max_exploration_steps": 6}
@@ -61,7 +64,10 @@ def read(services: Processes, hours: float, deliveries: int) -> Sample:
 
 
 def slope(samples: list[Sample], service: str) -> Slope:
-    hours, mb = [s.hours for s in samples], [s.mb[service] for s in samples]
+    """Of the least in each window."""
+    windows = [list(window) for _, window in groupby(samples, key=lambda s: int(s.hours / WINDOW_HOURS))]
+    hours = [statistics.fmean(s.hours for s in window) for window in windows]
+    mb = [min(s.mb[service] for s in window) for window in windows]
     line = statistics.linear_regression(hours, mb)
     left = [y - line.slope * x - line.intercept for x, y in zip(hours, mb, strict=True)]
     spread = sum((x - statistics.fmean(hours)) ** 2 for x in hours)

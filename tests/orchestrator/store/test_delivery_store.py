@@ -233,6 +233,19 @@ def test_a_database_of_the_version_before_gets_what_today_has_more(database: Dat
     assert {index["name"] for index in sa.inspect(database.engine).get_indexes("deliveries")} == indexes
 
 
+def test_names_are_looked_up_by_statements_of_few_lengths(tmp_path: Path) -> None:
+    opened = Database(f"sqlite:///{tmp_path / 'deliveries.sqlite'}")
+    store = DeliveryStore(opened.engine)
+    asked: set[str] = set()
+    event.listen(opened.engine, "before_cursor_execute", lambda _c, _u, sql, *_: asked.add(sql))
+    store.add_all([row("d07")])
+    asked.clear()
+    for count in range(1200):
+        assert store.known([f"d{k:02d}" for k in range(count)]) == ({"d07"} if count > 7 else set())
+    opened.close()
+    assert len(asked) == len({2**k for k in range(10)})
+
+
 def test_how_long_the_last_flights_took_is_found_without_reading_every_delivery(tmp_path: Path) -> None:
     opened = Database(f"sqlite:///{tmp_path / 'deliveries.sqlite'}")
     asked: list[tuple[str, Any]] = []
