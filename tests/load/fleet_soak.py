@@ -3,9 +3,10 @@
     python -m tests.load.fleet_soak --minutes 60
 
 Real services; the oracle answers most deliveries, the embedded model every fourth. Each delivery's events are listened
-to, and the pages' lists, a picture and the figures are asked for. Memory is read between two deliveries, when nothing
-is under way. Services give back once a minute what they no longer need, so the least of each five minutes counts. The
-code is 1 where a service grows by more than 1 MB an hour, its first minutes left out.
+to, and the pages' lists, a picture and the figures are asked for. Memory is read once a
+second. Services give back once a minute what they no longer need, so the least of each eighth of the time counts: of
+five minutes in an hour's run. The code is 1 where a service grows by more than 1 MB an hour, its first third of the time
+left out.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import json
 import statistics
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Mapping
 from itertools import groupby
@@ -32,7 +34,7 @@ from tests.system.orchestrator_process import OrchestratorDoor, heard
 FIRST_SEED = 80_000
 EMBEDDED_EVERY = 4
 MB_AN_HOUR = 1.0
-WINDOW_HOURS = 5 / 60
+WINDOWS = 8
 WARM_SHARE = 1 / 3
 SETTLE_S = 1.0
 SETTINGS = {"image_size": 160, "max_exploration_steps": 6}
@@ -59,13 +61,30 @@ def own_mb(pid: int) -> float:
     return sum(int(line.split()[1]) for line in lines if line.startswith(("RssAnon:", "VmSwap:"))) / 1024
 
 
+class Readings(threading.Thread):
+    """Memory, once a second from now on; `deliveries`: how many are over."""
+
+    def __init__(self, services: Processes) -> None:
+        super().__init__(daemon=True)
+        self._services = services
+        self._began = time.monotonic()
+        self.samples: list[Sample] = []
+        self.deliveries = 0
+
+    def run(self) -> None:
+        while True:
+            self.samples.append(read(self._services, (time.monotonic() - self._began) / 3600, self.deliveries))
+            time.sleep(1.0)
+
+
 def read(services: Processes, hours: float, deliveries: int) -> Sample:
     return Sample(hours, deliveries, {child.name: own_mb(child.process.pid) for child in services.children})
 
 
 def slope(samples: list[Sample], service: str) -> Slope:
     """Of the least in each window."""
-    windows = [list(window) for _, window in groupby(samples, key=lambda s: int(s.hours / WINDOW_HOURS))]
+    first, wide = samples[0].hours, (samples[-1].hours - samples[0].hours) * 1.001 / WINDOWS
+    windows = [list(window) for _, window in groupby(samples, key=lambda s: int((s.hours - first) / wide))]
     hours = [statistics.fmean(s.hours for s in window) for window in windows]
     mb = [min(s.mb[service] for s in window) for window in windows]
     line = statistics.linear_regression(hours, mb)
@@ -94,16 +113,16 @@ def soak(services: Processes, minutes: float, every_s: float) -> list[Sample]:
     urls = {child.name: child.url for child in services.children}
     catalogue = Catalogue.model_validate(httpx.get(f"{urls['sim']}/v1/catalogue", timeout=30).json())
     door = OrchestratorDoor(urls["orchestrator"])
-    samples: list[Sample] = []
+    readings = Readings(services)
+    readings.start()
     began = time.monotonic()
-    number = 0
     while (now := time.monotonic()) < began + minutes * 60:
-        outcome = deliver(door, catalogue, number)
-        number += 1
+        outcome = deliver(door, catalogue, readings.deliveries)
+        readings.deliveries += 1
         time.sleep(max(SETTLE_S, now + every_s - time.monotonic()))
-        samples.append(read(services, (time.monotonic() - began) / 3600, number))
-        say({"delivery": number, "outcome": outcome} | {k: round(v, 1) for k, v in samples[-1].mb.items()})
-    return samples
+        found = readings.samples[-1]
+        say({"delivery": readings.deliveries, "outcome": outcome} | {k: round(v, 1) for k, v in found.mb.items()})
+    return list(readings.samples)
 
 
 def say(facts: Mapping[str, object]) -> None:
