@@ -3,10 +3,9 @@
     python -m tests.load.fleet_soak --minutes 60
 
 Real services; the oracle answers most deliveries, the embedded model every fourth. Each delivery's events are listened
-to, and the pages' lists, a picture and the figures are asked for. Memory is read once a
-second. Services give back once a minute what they no longer need, so the least of each eighth of the time counts: of
-five minutes in an hour's run. The code is 1 where a service grows by more than 1 MB an hour, its first third of the time
-left out.
+to, and the pages' lists, a picture and the figures are asked for. Memory is read once a second. Services give back once
+a minute what they no longer need, so the least of each eighth of the time counts: of five minutes in an hour's run. The
+code is 1 where a service grows by more than 1 MB an hour, the first third of the time left out.
 """
 
 import argparse
