@@ -56,12 +56,11 @@ def joined(matches: Iterable[Match], sight: Sight) -> list[Match]:
 
 
 def clearest(sightings: Sequence[Sighting], one: Sighting) -> Sighting:
-    """The sighting that shows the thing of `one` best, as sure as the surest of them: whole before cut off, in the
-    middle of the picture before at its edge, where a picture is stretched."""
+    """The sighting that shows the thing of `one` best: whole before cut off, in the middle of the picture before at its
+    edge, where a picture is stretched. It tells the place, and how sure the look is: the surest of a thing's edges is
+    no surer than the thing."""
     here = [s for s in sightings if s is one or _at_one_place(s, one)]
-    best = min(here, key=lambda s: (_is_cut_off(s.match.box), _off_middle(s.match.box)))
-    surest = max(s.match.confidence for s in here)
-    return best._replace(match=best.match.model_copy(update={"confidence": surest}))
+    return min(here, key=lambda s: (_is_cut_off(s.match.box), _off_middle(s.match.box)))
 
 
 def _at_one_place(a: Sighting, b: Sighting) -> bool:

@@ -7,13 +7,21 @@ until the stop is reached, the last metre with less clearance where a balcony ke
 import math
 from typing import NamedTuple
 
-from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ApproachSettings
-from contracts.event_data import ApproachData, LostData
+from contracts.depth_assist import ApproachAnswer
+from contracts.event_data import LostData
 from contracts.geometry import Box, Point3
 from contracts.sim import SUCCESS_ASIDE_DEG
 from mission.looks import Look, Sight
 from mission.places import distance_m, point_of, yaw_towards
 from mission.sighting import project
+from mission.stage_actions.legs import (
+    LOOK_AGAIN_M,
+    NEAR_ENOUGH_M,
+    Leg,
+    LegStage,
+    near_enough_m,
+    way_to,
+)
 from mission.stage_actions.looking import AHEAD_DEG, look_aside
 from mission.stage_actions.planning import on_target
 from mission.stage_actions.searching import Found, looks_again, search
@@ -32,15 +40,9 @@ from mission.state import Dismissed, LostSighting
 from mission.step import Step
 
 MAX_LEGS = 8
-LOOK_AGAIN_M = 5.0
-LONGEST_LEG_M = 8.0
 SAME_THING_M = 2.0
 OTHER_THING_M = 4.0
 """So far from where the thing was seen, it is another one of its kind."""
-NEAR_ENOUGH_M = 0.8
-STILL_NEAR_M = 1.3
-"""So much farther than the stop a claim is still worth making where there is no way nearer."""
-TIGHT_CLEARANCE_M = 0.25
 MAX_ASIDES = 2
 """How often a thing that no way leads to is looked at from another side before the search goes on."""
 MISPLACED_M = 0.15
@@ -48,8 +50,6 @@ MISPLACED_M = 0.15
 
 REFUSED = "the flight guard refused the way there"
 
-LegStage = CheckCandidate | CloseIn | SqueezeIn
-Leg = type[CheckCandidate] | type[CloseIn] | type[SqueezeIn]
 AfterLook = LegStage | ClaimWindow | LookRound | LeaveBlocked
 
 
@@ -83,9 +83,9 @@ async def face_candidate(step: Step, approach: Approach) -> FaceCandidate | Afte
             return _give_up(step, approach, "out of sight face to face")
         return await _next_leg(step, approach, CloseIn, look, *remembered)
     approach = _seen_again(approach, again)
-    if not approach.ever_claimable:
-        return _give_up(step, approach, f"only {again.seen.confidence:.2f} sure face to face")
-    return await _next_leg(step, approach, CloseIn, look, again.sight, again.match.box)
+    # what two looks from here leave in doubt, one from straight before it may tell
+    leg = CloseIn if approach.ever_claimable else CheckCandidate
+    return await _next_leg(step, approach, leg, look, again.sight, again.match.box)
 
 
 async def check_candidate(step: Step, approach: Approach) -> AfterLook:
@@ -101,7 +101,9 @@ async def check_candidate(step: Step, approach: Approach) -> AfterLook:
         return _give_up(step, approach, f"not seen again from {far:.1f} m", blocked=approach.goes_aside)
     approach = _seen_again(approach, again)
     if approach.ever_claimable:
-        return await _confirmed(step, approach, CloseIn, look, again.sight, again.match.box)
+        near = distance_m(look.pose, approach.last.place) <= near_enough_m(step, CloseIn)
+        go_on = _confirmed if near else _next_leg
+        return await go_on(step, approach, CloseIn, look, again.sight, again.match.box)
     if approach.reaches_stop:
         return _give_up(step, approach, f"only {again.seen.confidence:.2f} sure from near")
     return await _next_leg(step, approach, CheckCandidate, look, again.sight, again.match.box)
@@ -155,7 +157,7 @@ async def _confirmed(
     if not approach.reaches_stop:
         return await _next_leg(step, approach, leg, look, sight, box)
     far = distance_m(look.pose, approach.last.place)
-    if far <= _near_enough_m(step, leg):
+    if far <= near_enough_m(step, leg):
         return await _claim_from(step, approach, leg, look, sight, box)
     if leg is SqueezeIn:
         why = f"leg {approach.legs}: no way nearer than {far:.1f} m from this side"
@@ -170,7 +172,7 @@ async def _claim_from(step: Step, approach: Approach, leg: Leg, look: Look, sigh
     off, the claim waits for another look from there. A stop that turns out not to be before the facade is none. Raises
     PortError."""
     place = approach.last.place
-    way = await _way(step, look, sight, box, distance_m(look.pose, place), leg)
+    way = await way_to(step, look, sight, box, distance_m(look.pose, place), leg)
     if not _is_in_front(look, place, way):
         return _give_up(step, approach, "the stop is not before the thing's facade", blocked=True)
     reached = way.stop if way.status == "clear" and way.reached else None
@@ -189,9 +191,9 @@ async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight:
         return _give_up(step, approach, f"not there after {MAX_LEGS} legs")
     place = approach.last.place
     far = distance_m(look.pose, place)
-    way = await _way(step, look, sight, box, far, leg)
+    way = await way_to(step, look, sight, box, far, leg)
     if way.status != "clear":
-        if leg is not CheckCandidate and far <= _near_enough_m(step, leg) and _is_in_front(look, place, way):
+        if leg is not CheckCandidate and far <= near_enough_m(step, leg) and _is_in_front(look, place, way):
             return ClaimWindow(place=place)
         if not way.aside or approach.asides >= MAX_ASIDES:
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
@@ -216,38 +218,6 @@ def _is_in_front(look: Look, place: Point3, way: ApproachAnswer) -> bool:
         return True
     aside = math.remainder(yaw_towards(look.pose, place) - way.facing_yaw, math.tau)
     return abs(aside) <= math.radians(SUCCESS_ASIDE_DEG)
-
-
-async def _way(step: Step, look: Look, sight: Sight, box: Box, far_m: float, leg: Leg) -> ApproachAnswer:
-    """The next leg: to where a second look is worth it, and once that confirmed the object, all the way."""
-    confirmed = leg is not CheckCandidate
-    leg_m = LONGEST_LEG_M if confirmed else min(LONGEST_LEG_M, far_m - LOOK_AGAIN_M)
-    question = ApproachQuestion(
-        view=sight.depth_view,
-        others=look.depth_beside(sight, reach_deg=90.0),
-        box=box,
-        pose=sight.pose,
-        settings=_clearance(step, leg),
-        max_leg_m=leg_m if leg_m > 1.0 else LONGEST_LEG_M,
-    )
-    answer = await step.timed("approach", step.ports.depth.approach(question))
-    step.write(
-        f"way to the window: {answer.status}" + (", up to the stop" if answer.reached else ""),
-        ApproachData(answer=answer, max_leg_m=round(question.max_leg_m, 2), confirmed=confirmed),
-    )
-    return answer
-
-
-def _clearance(step: Step, leg: Leg) -> ApproachSettings:
-    settings = step.settings.approach
-    if leg is not SqueezeIn:
-        return settings
-    return settings.model_copy(update={"clearance_m": min(settings.clearance_m, TIGHT_CLEARANCE_M)})
-
-
-def _near_enough_m(step: Step, leg: Leg) -> float:
-    """From how far a claim is worth making, where there is no way nearer."""
-    return step.settings.approach.stop_distance_m + (STILL_NEAR_M if leg is SqueezeIn else NEAR_ENOUGH_M)
 
 
 def _give_up(step: Step, approach: Approach, why: str, *, blocked: bool = False) -> LookRound | LeaveBlocked:

@@ -23,6 +23,8 @@ from mission.wording import counted
 ANOTHER_HOUSE = "not on the building searched"
 ANOTHER_WINDOW_M = 2.5
 """So far from where the thing was seen, a second one of its kind is at another window."""
+CONFIRMED_WITHIN_M = 8.0
+"""From farther off nothing is confirmed, however sure the look is."""
 ONE_DIRECTION_DEG = 10.0
 """Two sightings of one look that lie in one direction are one thing: overlapping cameras both see it, and depth beside
 something thin is that of what stands behind it."""
@@ -89,7 +91,7 @@ async def search(
     if silent > step.settings.max_model_failures:
         said = f"the recognition model gave {silent} answers in a row that say nothing ({reply.answer.outcome})"
         raise MissionEnd("answer_unreadable", said)
-    return _found(look, best, claim) if best is not None else None
+    return _found(step, look, best, claim) if best is not None else None
 
 
 def _remember_elsewhere(step: Step, sightings: list[Sighting], claim: float) -> None:
@@ -120,17 +122,18 @@ async def _remember_another(step: Step, look: Look, best: Sighting, sure: list[S
             return
 
 
-def _found(look: Look, best: Sighting, claim: float) -> Found | None:
+def _found(step: Step, look: Look, best: Sighting, claim: float) -> Found | None:
     sight = look.sights.get(best.match.camera)
     if best.place is None or sight is None:
         return None
     confidence = best.match.confidence
+    is_near = distance_m(look.pose, best.place) <= CONFIRMED_WITHIN_M or not looks_again(step)
     seen = Seen(
         place=best.place,
         seen_from=look.pose,
         confidence=confidence,
         extent=best.extent,
-        claimable=confidence >= claim,
+        claimable=confidence >= claim and is_near,
     )
     return Found(look, sight, best.match, seen)
 

@@ -185,3 +185,17 @@ async def test_every_look_counts_as_a_step() -> None:
     assert looks
     assert len([stop for stop in result.stops if stop.phase == "approach"]) == len(looks)
     assert result.steps == len(result.stops)
+
+
+async def test_a_sure_look_from_afar_confirms_nothing_that_is_doubtful_from_near() -> None:
+    result, log, vision = await fly(SURE, impostor={6.0: 0.6, 99.0: 0.99})
+    assert result.outcome == "delivered"
+    assert any("0.60 sure" in e.message for e in log.of("lost"))
+    assert math.dist((result.pose.x, result.pose.y), IMPOSTOR[:2]) > 5.0 if result.pose else False
+
+
+async def test_what_two_looks_from_one_place_leave_in_doubt_is_looked_at_from_straight_before_it() -> None:
+    near = Block(thing=IMPOSTOR, start=Pose(x=-1.0, y=-11.0, z=1.5, yaw=math.pi / 2))
+    result, log, _ = await fly({3.4: 0.95, 99.0: 0.5}, block=near)
+    assert result.outcome == "delivered"
+    assert not log.of("lost")
