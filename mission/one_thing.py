@@ -18,7 +18,7 @@ from navigation.camera import Camera
 
 LARGEST_M = 2.2
 """Nothing that is asked for is wider or higher."""
-TOUCHING = 0.1
+TOUCHING = 0.4
 """Boxes that lie so near to each other touch: a share of the larger one's side."""
 ONE_DEPTH_M = 0.6
 ONE_PLACE_M = 1.0

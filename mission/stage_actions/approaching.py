@@ -17,9 +17,11 @@ from mission.sighting import project
 from mission.stage_actions.legs import (
     LOOK_AGAIN_M,
     NEAR_ENOUGH_M,
+    SEEN_BEST_M,
     Leg,
     LegStage,
     near_enough_m,
+    way_before,
     way_to,
 )
 from mission.stage_actions.looking import AHEAD_DEG, look_aside
@@ -45,6 +47,9 @@ OTHER_THING_M = 4.0
 """So far from where the thing was seen, it is another one of its kind."""
 MAX_ASIDES = 2
 """How often a thing that no way leads to is looked at from another side before the search goes on."""
+ASLANT_RAD = math.radians(35.0)
+"""From farther aside a thing is placed worse than it has to be to tell the windows beside it apart: before the last leg
+it is looked at from straight before it."""
 MISPLACED_M = 0.15
 """So far off where it should be, as seen from there, the stop is put right before the claim."""
 
@@ -199,6 +204,9 @@ async def _next_leg(step: Step, approach: Approach, leg: Leg, look: Look, sight:
             why = "no depth in its box" if way.status == "no_depth" else "the way there is not free"
             return _give_up(step, approach, f"leg {number}: {why}", blocked=way.status == "blocked")
         approach = approach.model_copy(update={"asides": approach.asides + 1})
+    elif leg is CloseIn and way.reached and far > SEEN_BEST_M and _aside_rad(look, place, way) > ASLANT_RAD:
+        before = await way_before(step, look, sight, box)
+        way = before if before.status == "clear" and before.path else way
     return _fly_leg(step, approach, leg, way)
 
 
@@ -214,10 +222,14 @@ def _fly_leg(step: Step, approach: Approach, leg: Leg, way: ApproachAnswer) -> L
 
 def _is_in_front(look: Look, place: Point3, way: ApproachAnswer) -> bool:
     """Does the drone stand before the thing's facade, as far as depth shows how that stands?"""
+    return _aside_rad(look, place, way) <= math.radians(SUCCESS_ASIDE_DEG)
+
+
+def _aside_rad(look: Look, place: Point3, way: ApproachAnswer) -> float:
+    """How far from straight before the facade the thing is looked at; 0 where depth does not show how that stands."""
     if way.facing_yaw is None:
-        return True
-    aside = math.remainder(yaw_towards(look.pose, place) - way.facing_yaw, math.tau)
-    return abs(aside) <= math.radians(SUCCESS_ASIDE_DEG)
+        return 0.0
+    return abs(math.remainder(yaw_towards(look.pose, place) - way.facing_yaw, math.tau))
 
 
 def _give_up(step: Step, approach: Approach, why: str, *, blocked: bool = False) -> LookRound | LeaveBlocked:

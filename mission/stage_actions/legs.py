@@ -30,8 +30,18 @@ async def way_to(step: Step, look: Look, sight: Sight, box: Box, far_m: float, l
         return await _asked_way(step, look, sight, box, LONGEST_LEG_M, tight, confirmed=True)
     leg_m = min(LONGEST_LEG_M, far_m - LOOK_AGAIN_M)
     leg_m = leg_m if leg_m > 1.0 else LONGEST_LEG_M
-    best = settings.model_copy(update={"stop_distance_m": max(settings.stop_distance_m, SEEN_BEST_M)})
-    return await _asked_way(step, look, sight, box, leg_m, best, confirmed=False)
+    return await _asked_way(step, look, sight, box, leg_m, _seen_best(settings), confirmed=False)
+
+
+async def way_before(step: Step, look: Look, sight: Sight, box: Box) -> ApproachAnswer:
+    """To where a confirmed thing is seen best, straight before its facade; never the stop."""
+    best = _seen_best(step.settings.approach)
+    way = await _asked_way(step, look, sight, box, LONGEST_LEG_M, best, confirmed=True)
+    return way.model_copy(update={"reached": False})
+
+
+def _seen_best(settings: ApproachSettings) -> ApproachSettings:
+    return settings.model_copy(update={"stop_distance_m": max(settings.stop_distance_m, SEEN_BEST_M)})
 
 
 async def _asked_way(

@@ -188,7 +188,7 @@ async def test_every_look_counts_as_a_step() -> None:
 
 
 async def test_a_sure_look_from_afar_confirms_nothing_that_is_doubtful_from_near() -> None:
-    result, log, vision = await fly(SURE, impostor={6.0: 0.6, 99.0: 0.99})
+    result, log, _ = await fly(SURE, impostor={6.0: 0.6, 99.0: 0.99})
     assert result.outcome == "delivered"
     assert any("0.60 sure" in e.message for e in log.of("lost"))
     assert math.dist((result.pose.x, result.pose.y), IMPOSTOR[:2]) > 5.0 if result.pose else False

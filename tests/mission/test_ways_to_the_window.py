@@ -5,7 +5,7 @@ import math
 import pytest
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion
-from contracts.geometry import Box, Point3
+from contracts.geometry import Box, Point3, Pose
 from contracts.orchestrator import MissionSettings
 from contracts.vlm_gateway import FindObjectAnswer, Match
 from mission.mission import Mission
@@ -168,3 +168,16 @@ async def _legs_without_a_mistake() -> int:
     log = Events()
     await fly(world, log=log)
     return sum("of the approach" in e.message for e in log.of("move"))
+
+
+@pytest.mark.parametrize(("x", "aslant"), [(6.5, True), (1.0, False)])
+async def test_what_was_seen_aslant_is_looked_at_from_straight_before_it_ahead_of_the_last_leg(
+    x: float, aslant: bool
+) -> None:
+    start = Pose(x=-3.0, y=-12.0, z=1.5, yaw=math.pi / 2)
+    log = Events()
+    result = await fly(BlockWorld(Block(thing=(x, -6.2, 10.5), start=start)), log=log)
+    assert result.outcome == "delivered"
+    looked = [e.data.pose for e in log.of("look")]
+    before = [pose for pose in looked if abs(pose.x - x) < 0.3 and pose.y == pytest.approx(-9.4, abs=0.2)]
+    assert len(before) == aslant
