@@ -1,5 +1,6 @@
 """The Python surface on real services: an orchestrator asked by both clients, and flights out of this process."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -146,6 +147,8 @@ def test_what_a_model_of_ones_own_raises_reaches_its_author(local: LocalServices
     with pytest.raises(KeyError, match="weights") as raised:
         local.fly(sample=SAMPLE, vision=OwnVision(broken, rest="oracle"), settings=SHORT, out=runs)
     assert "the record of the flight is in" in raised.value.__notes__[0]
+    silent = [one for one in logging.getLogger("mission").handlers if isinstance(one, logging.NullHandler)]
+    assert len(silent) == 1, "it would be printed by the log as well"
 
 
 @pytest.mark.parametrize(
