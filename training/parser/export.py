@@ -76,7 +76,7 @@ NAMES = ("whole", "ones", "pairs", "objects", "anchors", "tags")
 
 
 def export(nets: Sequence[Reader], shares: Sequence[float], home: Path, out: Path, about: dict[str, Any]) -> None:
-    """Writes the four files that services.llm_parser.reader.model reads."""
+    """Writes the files that services.llm_parser.reader.model reads, but for the words of its spelling."""
     exported = Exported([_coarse(net) for net in nets], shares).eval()
     words = np.concatenate([net.encoder.word.weight.detach().numpy() for net in nets], axis=1)
     out.mkdir(parents=True, exist_ok=True)

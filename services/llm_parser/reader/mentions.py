@@ -99,7 +99,7 @@ def find_mentions(text: str) -> tuple[Mention, ...]:
         elif group == "top":
             found.append(Mention(start, end, 0, "top"))
         else:
-            number = _roman(text, start, end) if raw in _ROMAN else _word_value(raw)
+            number = _roman(text, start, end) if raw in _ROMAN else number_of(raw)
             if number is None:
                 if raw in _ONE_WORDS:
                     found.append(Mention(start, end, 1, "one"))
@@ -109,7 +109,7 @@ def find_mentions(text: str) -> tuple[Mention, ...]:
             value, last = number, at
             if 20 <= value < 100 and value % 10 == 0 and raw not in ORDINALS and at + 1 < len(words):
                 _, next_start, next_end, following = words[at + 1]
-                unit = _word_value(following) if text[end:next_start] in (" ", "-", "") else None
+                unit = number_of(following) if text[end:next_start] in (" ", "-", "") else None
                 if unit is not None and 0 < unit < 10:
                     value, end, last = value + unit, next_end, at + 1
             found.append(Mention(start, end, value, "count"))
@@ -136,13 +136,14 @@ def _roman(text: str, start: int, end: int) -> int | None:
     return _ROMAN[word.lower()]
 
 
-def _word_value(word: str) -> int | None:
+def number_of(word: str) -> int | None:
+    """What a word in lower case is worth, misspelt ones included; null for one that is no number."""
     for table in (CARDINALS, ORDINALS, _COUPLE, _ELSEWHERE):
         if word in table:
             return table[word]
     for ending in ("floor", "flr", "storey", "level"):
         if word.endswith(ending) and len(word) > len(ending) + 2:
-            return _word_value(word.removesuffix(ending))
+            return number_of(word.removesuffix(ending))
     if word.endswith(("th", "rd", "nd", "st")) and word[:-2] in CARDINALS:
         return CARDINALS[word[:-2]]
     return _misspelt(word) if 4 <= len(word) <= 12 else None

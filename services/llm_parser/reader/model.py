@@ -1,7 +1,8 @@
 """The shipped network: tokens in, scores out, by ONNX Runtime on one thread; nothing is fetched.
 
 Its folder holds `reader.onnx.zst` (the encoders in eight-bit integers, per channel, and the heads), `words.npz` (the
-word embeddings in four bits: services.llm_parser.reader.words), `tokenizer.json` and `about.json`.
+word embeddings in four bits: services.llm_parser.reader.words), `spelling.txt.zst` (known words, and how often
+customers write them), `tokenizer.json` and `about.json`.
 """
 
 import math
@@ -17,8 +18,11 @@ from tokenizers import Tokenizer
 
 from services.llm_parser.reader.decode import Scores, Tokens
 from services.llm_parser.reader.mentions import Mention
+from services.llm_parser.reader.spelling import Spelling
 from services.llm_parser.reader.words import Words
 
+SPELLING = "spelling.txt.zst"
+FILES = ("reader.onnx.zst", "words.npz", SPELLING, "tokenizer.json", "about.json")
 MOST_TOKENS = 384
 """A longer request is read as far as this, and said to be too long."""
 
@@ -85,15 +89,14 @@ class ReaderModel:
 
     def __init__(self, folder: Path) -> None:
         """Raises FileNotFoundError where the weights are not there."""
-        missing = [
-            n for n in ("reader.onnx.zst", "words.npz", "tokenizer.json", "about.json") if not (folder / n).is_file()
-        ]
+        missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
             raise FileNotFoundError(f"the reader's weights are not complete: {', '.join(missing)} missing in {folder}")
         self.about = About.model_validate_json((folder / "about.json").read_bytes())
         self.tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
         self.tokenizer.no_padding()
         self.tokenizer.no_truncation()
+        self.spelling = Spelling(_counts(folder / SPELLING), self.tokenizer.get_vocab())
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         self._session = onnxruntime.InferenceSession(
@@ -108,3 +111,9 @@ class ReaderModel:
         mentions = encoded.averaging if len(encoded.averaging) else np.zeros((1, len(encoded.ids)), np.float32)
         found = self._session.run(None, {"embedded": embedded[None], "averaging": mentions[None]})
         return Scores(*(part[0] for part in found))
+
+
+def _counts(path: Path) -> dict[str, int]:
+    """Lines of a word and, behind a space, how often customers write it."""
+    lines = zstandard.decompress(path.read_bytes()).decode().splitlines()
+    return {word: int(count or 0) for word, _, count in (line.partition(" ") for line in lines)}

@@ -14,6 +14,7 @@ from services.llm_parser.reader.decode import FloorGuess, ObjectGuess, RelationG
 from services.llm_parser.reader.floors import readings
 from services.llm_parser.reader.mentions import Mention, find_mentions
 from services.llm_parser.reader.model import ReaderModel, encode
+from services.llm_parser.reader.spelling import Mended
 
 MODEL = "reader"
 QUICK_CHARACTERS = 600
@@ -27,8 +28,9 @@ _YES = re.compile(
 
 
 class Guesses(NamedTuple):
-    """All guesses of one text, the likeliest first."""
+    """All guesses of one text, the likeliest first, by its characters once it was `mended`."""
 
+    mended: Mended
     floors: list[FloorGuess]
     objects: list[ObjectGuess]
     relation: RelationGuess | None
@@ -78,6 +80,7 @@ class ReaderParser:
             floor=round(self._calibration.floor.probability(floor.probability), 4),
             object=round(self._calibration.object.probability(thing.probability), 4),
         )
+        written = read.mended.written
         sure_floor = (confidence.floor or 0.0) >= self._thresholds.floor
         sure_object = (confidence.object or 0.0) >= self._thresholds.object
         floors = tuple(g.floor for g in read.floors if g.floor is not None and g.probability >= WAVERS_FROM)[:3]
@@ -88,15 +91,15 @@ class ReaderParser:
         return composed(
             Known(
                 floor.floor if sure_floor else None,
-                _reason(floor.floor, bool(floors) or bool(find_mentions(text)), read.cut),
+                _reason(floor.floor, bool(floors) or bool(find_mentions(read.mended.text)), read.cut),
                 floors,
             ),
             Known(thing.phrase if sure_object else None, _reason(thing.phrase, bool(things), read.cut), things),
             relation,
             confidence=confidence,
             evidence=Evidence(
-                floor=text[floor.start : floor.end] if sure_floor and floor.floor is not None else None,
-                object=text[thing.start : thing.end] if sure_object and thing.phrase is not None else None,
+                floor=written(text, floor.start, floor.end) if sure_floor and floor.floor is not None else None,
+                object=written(text, thing.start, thing.end) if sure_object and thing.phrase is not None else None,
             ),
             language="en",
             model=MODEL,
@@ -129,21 +132,21 @@ class ReaderParser:
         read = guesses(self._model, text)
         if ground_floor == 1:
             return read
-        mentions = find_mentions(text)
+        text, mentions = read.mended.text, find_mentions(read.mended.text)
         return read._replace(floors=[_counted_from_zero(g, text, mentions) for g in read.floors])
 
 
 def guesses(model: ReaderModel, text: str) -> Guesses:
     """All guesses of a text by a network."""
-    mentions = find_mentions(text)
-    encoded = encode(model.tokenizer, text, mentions)
+    mended = model.spelling.mended(text)
+    mentions = find_mentions(mended.text)
+    encoded = encode(model.tokenizer, mended.text, mentions)
     scores = model.scores(encoded)
     read = [bool(row.any()) for row in encoded.averaging]
     seen = [r for r in readings(mentions) if read[r.first] and (r.second is None or read[r.second])]
     floors = decode.floors(scores, seen, mentions)
-    return Guesses(
-        floors, decode.objects(scores, encoded.tokens, floors[0]), decode.relation(scores, encoded.tokens), encoded.cut
-    )
+    objects = decode.objects(scores, encoded.tokens, floors[0])
+    return Guesses(mended, floors, objects, decode.relation(scores, encoded.tokens), encoded.cut)
 
 
 def _counted_from_zero(guess: FloorGuess, text: str, mentions: Sequence[Mention]) -> FloorGuess:

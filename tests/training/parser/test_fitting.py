@@ -14,11 +14,12 @@ from tokenizers.processors import BertProcessing
 
 from contracts.llm_parser import ParseQuestion
 from services.llm_parser.reader.decode import Tokens
-from services.llm_parser.reader.model import About, Encoded, ReaderModel, Thresholds
+from services.llm_parser.reader.model import SPELLING, About, Encoded, ReaderModel, Thresholds
 from services.llm_parser.reader.parser import ReaderParser
 from services.llm_parser.reader.words import Words
 from training.parser.__main__ import FIGURES, HISTORY, REQUESTS, fit_and_export, take_bases
 from training.parser.measure import read_examined
+from training.parser.vocabulary import LIST, write
 
 pytestmark = pytest.mark.train
 WORDS = ["the", "floor", "pot", "red", *"abcdefghijklmnopqrstuvwxyz0123456789"]
@@ -34,6 +35,7 @@ def test_a_short_training_ends_in_a_reader_that_answers(tmp_path: Path, monkeypa
     base = tmp_path / "base"
     save_small(base / "mpnet", ["<s>", "<pad>", "</s>", "<unk>", *WORDS, "[UNK]", "<mask>"])
     save_small(base / "minilm", ["[PAD]", "[UNK]", "[CLS]", "[SEP]", *WORDS, "[MASK]"])
+    (base / LIST).write_text("the 3\nfloor 2\npot 1\n")
     out = tmp_path / "out"
     fit_and_export(argparse.Namespace(base=base, out=out, without=["k"], epochs=1, seed=0, threads=1))
     answer = ReaderParser(ReaderModel(out)).read(ParseQuestion(request="the red pot on floor 4"))
@@ -93,11 +95,13 @@ def test_exported_networks_say_on_average_what_the_trained_ones_say(tmp_path: Pa
         words = Words.rounded(net.encoder.word.weight.detach().numpy())
         net.encoder.word.weight.data.copy_(torch.from_numpy(words.all()))
     (tmp_path / "mpnet").mkdir()
+    (tmp_path / LIST).write_text("pot 1\n")
     (tmp_path / "mpnet" / "tokenizer.json").write_text(Tokenizer(WordPiece({"[UNK]": 0}, unk_token="[UNK]")).to_str())
     about = About(thresholds=Thresholds(floor=0.9, object=0.9)).model_dump()
     export(nets, (0.75, 0.25), tmp_path, tmp_path / "out", about)
     ids = np.arange(17) % 20
     encoded = Encoded(ids, Tokens("", [(0, 0)] * 17), np.zeros((0, 17), np.float32), cut=False)
+    write([], tmp_path, tmp_path / "out" / SPELLING)
     exported = ReaderModel(tmp_path / "out").scores(encoded)
     with torch.no_grad():
         first, second = (net.tagger(net.encoder(torch.from_numpy(ids)[None], torch.ones(1, 17))) for net in nets)
