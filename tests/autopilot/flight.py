@@ -55,6 +55,8 @@ class Body:
             self.velocity, self._learnt = [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]
             return
         gap = [t - p for t, p in zip(target, self.position, strict=True)]
+        if down_m_s is not None:
+            self._learnt[2] = 0.0  # what holding a height has learnt is of no use for sinking, and could undo it
         for axis in range(2 if down_m_s is not None else 3):
             self._learnt[axis] = max(-2.0, min(2.0, self._learnt[axis] + 0.25 * DT_S * max(-1.0, min(1.0, gap[axis]))))
         level = [0.95 * gap[0], 0.95 * gap[1]]
