@@ -37,6 +37,7 @@ _CUT_THROUGH_SHARE = 0.05
 _CUT_DEPTH_SHARE = 0.1
 """A cut goes through things: so many of a picture's columns differ by so much from the usual distance along it."""
 _BESIDE_COLUMNS = 1
+_LINE_ROWS = 4
 _REACH_PERCENTILE = 99.0
 _SPECK_PX = 3
 _SPECK_SIZE_PX = 16
@@ -118,7 +119,8 @@ def uncut(
         for number, depth in along.items():
             level = np.zeros(len(depth), bool) if failed else _level(depth, usual)
             kept[number] = opened[number] & level
-            far[number] = float(np.nanmin(depth[level])) if (level & np.isfinite(depth)).any() else 0.0
+            if (level & np.isfinite(depth)).any():
+                far[number] = float(np.nanmin(depth[level]))
     return kept, far
 
 
@@ -128,9 +130,12 @@ def _share_at(edges: NDArray[np.intp], row: int) -> float:
 
 
 def _along(depth: NDArray[np.floating] | NDArray[np.uint16], edges: NDArray[np.intp], row: int) -> NDArray[np.float64]:
-    """(W,) what the openings that end in this row end on; nan elsewhere, and where nothing was measured."""
-    along = np.where(edges == row, depth[row].astype(np.float64), np.nan)
-    return np.where(np.isfinite(along) & (along > 0), along, np.nan)
+    """(W,) what the openings that end in this row end on, there or in a few rows below; nan elsewhere, and where
+    nothing was measured."""
+    below = depth[row : row + _LINE_ROWS].astype(np.float64)
+    known = np.isfinite(below) & (below > 0)
+    first = below[known.argmax(axis=0), np.arange(below.shape[1])]
+    return np.where((edges == row) & known.any(axis=0), first, np.nan)
 
 
 def _median(along: Sequence[NDArray[np.float64]]) -> float:
