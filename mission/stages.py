@@ -34,7 +34,8 @@ class Seen(Wire):
 class Approach(Wire):
     """An approach under way. `first`: the sighting that began it; `last`: the latest; `ever_claimable`: one of them
     was sure enough; `surest`: the highest confidence but the latest's. Of leg number `legs`, the one flown last:
-    `reaches_stop`, it ends where the drone is to stop; `goes_aside`, it leads to where the thing shows another side."""
+    `reaches_stop`, it ends where the drone is to stop; `goes_aside`, it leads to where the thing shows another side.
+    `put_right`: a leg led from one stop to another."""
 
     first: Seen
     last: Seen
@@ -44,6 +45,7 @@ class Approach(Wire):
     asides: int = 0
     reaches_stop: bool = False
     goes_aside: bool = False
+    put_right: bool = False
 
 
 class ReadRequest(Wire):

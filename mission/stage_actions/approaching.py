@@ -174,16 +174,16 @@ async def _confirmed(
 async def _claim_from(step: Step, approach: Approach, leg: Leg, look: Look, sight: Sight, box: Box) -> AfterLook:
     """The claim at the stop, after a last flight to where the stop should be as it shows from there: face to face both
     windows beside a thing on the wall are seen, and flat things are placed better than from aside. Where that is far
-    off, the claim waits for another look from there. A stop that turns out not to be before the facade is none. Raises
-    PortError."""
+    off, the claim waits for another look from there, once: on a balcony two looks may never agree. A stop that turns
+    out not to be before the facade is none. Raises PortError."""
     place = approach.last.place
     way = await way_to(step, look, sight, box, distance_m(look.pose, place), leg)
     if not _is_in_front(look, place, way):
         return _give_up(step, approach, "the stop is not before the thing's facade", blocked=True)
     reached = way.stop if way.status == "clear" and way.reached else None
     off_m = distance_m(look.pose, reached) if reached is not None else 0.0
-    if off_m > NEAR_ENOUGH_M and approach.legs < MAX_LEGS:
-        return _fly_leg(step, approach, leg, way)
+    if off_m > NEAR_ENOUGH_M and not approach.put_right and approach.legs < MAX_LEGS:
+        return _fly_leg(step, approach.model_copy(update={"put_right": True}), leg, way)
     if off_m > MISPLACED_M:
         step.plan_flight(way.path, way.facing_yaw, "to where the stop should be, as seen from here")
     return ClaimWindow(place=place)

@@ -163,6 +163,32 @@ async def test_a_stop_that_turns_out_to_be_far_aside_is_flown_to_and_looked_from
     assert len(legs) == (await _legs_without_a_mistake()) + looks
 
 
+class StopsThatNeverAgree(LocalDepthAssist):
+    """A depth assistant that takes the stop to be now to the right, now to the left."""
+
+    def __init__(self) -> None:
+        self._aside_m = 0.6
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        answer = await super().approach(question)
+        if not answer.reached or answer.stop is None:
+            return answer
+        stop = answer.stop.model_copy(update={"x": answer.stop.x + self._aside_m})
+        self._aside_m = -self._aside_m
+        return answer.model_copy(update={"stop": stop, "path": (stop,)})
+
+
+async def test_a_drone_does_not_fly_to_and_fro_between_stops_that_never_agree() -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, StopsThatNeverAgree())
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    assert result.verdict is not None
+    legs = [e for e in log.of("move") if "of the approach" in e.message]
+    assert len(legs) == (await _legs_without_a_mistake()) + 1
+
+
 async def _legs_without_a_mistake() -> int:
     world = BlockWorld()
     log = Events()
