@@ -216,7 +216,7 @@ def pixels_of(camera: Camera, pose: Pose, places: NDArray[np.floating]) -> Pixel
     if camera.pitch_deg:
         cos, sin = math.cos(math.radians(camera.pitch_deg)), math.sin(math.radians(camera.pitch_deg))
         forward, up = level * cos + up * sin, up * cos - level * sin
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         return Pixels(
             right / forward * camera.fx_px + camera.cx_px, camera.cy_px - up / forward * camera.fy_px, forward
         )

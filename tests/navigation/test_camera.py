@@ -162,3 +162,10 @@ def test_of_five_cameras_three_see_all_that_the_five_see() -> None:
     assert seen_aside_deg([*five, up]) == pytest.approx(135.0)
     assert seen_aside_deg([five[0], five[-1]]) == pytest.approx(0.0, abs=1e-9)
     assert seen_aside_deg([five[0], five[2]]) == pytest.approx(45.0)
+
+
+def test_a_place_all_but_exactly_aside_lies_in_no_picture() -> None:
+    camera = pinhole(48, 48, 90.0)
+    seen = pixels_of(camera, Pose(0.0, 0.0, 1.0, 2.2250738585072014e-308), np.array([[0.0, 1.35, 2.75]]))
+    assert seen.depth_m[0] > 0.0
+    assert not 0.0 <= seen.x_px[0] < camera.width
