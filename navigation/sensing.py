@@ -14,6 +14,7 @@ line between out of range and invalid.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -58,13 +59,14 @@ def read_views(
     shown. The views given are not changed."""
     if not any(bool(np.isnan(view.depth_m).any()) for view in views):
         return [_within_range(view, sensor_range_m) for view in views]
+    lines = lines_of([view.depth_m for view in views])  # of the whole pictures: specks lie along a line as well
     views = [_without_specks(view) for view in views]
     cut = [_within_range(view, sensor_range_m) for view in views]
-    opened, far_m = uncut([open_upwards(np.isnan(view.depth_m)) for view in views], [view.depth_m for view in views])
+    opened = [open_upwards(np.isnan(view.depth_m)) & ~line.closed for view, line in zip(views, lines, strict=True)]
     if _tells_no_return([np.isinf(view.depth_m) for view in views], opened):
         return cut
     reach_m = min(sensor_range_m, max(shown_m, shown_reach_m(views)))
-    return [_opened(view, mask, min(reach_m, far)) for view, mask, far in zip(cut, opened, far_m, strict=True)]
+    return [_opened(view, mask, min(reach_m, line.far)) for view, mask, line in zip(cut, opened, lines, strict=True)]
 
 
 def shown_reach_m(views: Sequence[DepthView]) -> float:
@@ -95,16 +97,22 @@ def open_upwards(invalid: Bools) -> Bools:
     return out
 
 
-def uncut(
-    opened: Sequence[Bools], depths: Sequence[NDArray[np.floating] | NDArray[np.uint16]]
-) -> tuple[list[Bools], list[float]]:
-    """The openings (H, W) of one moment's pictures, without those that end in a straight cut through things at
-    different distances: a frame of which only the lower part arrived. The sky ends in a level line only over what is
-    equally far, and where it does, a picture shows nothing free beyond that: how far each picture's openings may count
-    comes with them, inf where they end unevenly. Over the few columns that are nearer along the line nothing is open.
-    `depths`: the pictures, in any unit, their invalid pixels 0 or nan."""
+class Line(NamedTuple):
+    """Of a picture whose openings end in a straight line: (W,) the columns in which nothing counts as open, and how far
+    the others may count, in the picture's unit; no column and inf where they end unevenly."""
+
+    closed: Bools
+    far: float
+
+
+def lines_of(pictures: Sequence[NDArray[np.floating] | NDArray[np.uint16]]) -> list[Line]:
+    """Where one moment's pictures (H, W) of depth, in any unit, invalid pixels 0 or nan, have openings that end in
+    a straight cut through things at different distances: a frame of which only the lower part arrived. The sky ends in
+    a level line only over what is equally far, and where it does, a picture shows nothing free beyond that; over the
+    few columns that are nearer along the line nothing is open."""
+    opened = [open_upwards(np.isnan(depth) | (depth == 0)) for depth in pictures]
     edges = [np.where(mask.any(axis=0), len(mask) - np.argmax(mask[::-1], axis=0), 0) for mask in opened]
-    kept, far = list(opened), [math.inf] * len(opened)
+    lines = [Line(np.zeros(mask.shape[1], bool), math.inf) for mask in opened]
     for height in {len(mask) for mask in opened}:
         same = [number for number, mask in enumerate(opened) if len(mask) == height]
         ends = np.concatenate([edges[number] for number in same])
@@ -113,15 +121,14 @@ def uncut(
             continue
         cut = int(np.bincount(rows).argmax())
         straight = [number for number in same if _share_at(edges[number], cut) >= _CUT_SHARE]
-        along = {number: _along(depths[number], edges[number], cut) for number in straight}
+        along = {number: _along(pictures[number], edges[number], cut) for number in straight}
         usual = _median(list(along.values()))
         failed = any(_share_off(depth, usual) >= _CUT_THROUGH_SHARE for depth in along.values())
         for number, depth in along.items():
             level = np.zeros(len(depth), bool) if failed else _level(depth, usual)
-            kept[number] = opened[number] & level
-            if (level & np.isfinite(depth)).any():
-                far[number] = float(np.nanmin(depth[level]))
-    return kept, far
+            known = level & np.isfinite(depth)
+            lines[number] = Line(~level, float(depth[known].min()) if known.any() else math.inf)
+    return lines
 
 
 def _share_at(edges: NDArray[np.intp], row: int) -> float:
@@ -160,7 +167,8 @@ def read_units(pictures: Sequence[NDArray[np.uint16]]) -> list[NDArray[np.uint16
     """The same rule for depth as it crosses the wire, (H, W) with 0 invalid and 65535 no return, of one moment."""
     if not any(bool((units == INVALID).any()) for units in pictures):
         return list(pictures)
-    opened, _ = uncut([open_upwards(units == INVALID) for units in pictures], pictures)
+    lines = lines_of(pictures)
+    opened = [open_upwards(units == INVALID) & ~line.closed for units, line in zip(pictures, lines, strict=True)]
     if _tells_no_return([units == NO_RETURN for units in pictures], opened):
         return list(pictures)
     return [np.where(mask, np.uint16(NO_RETURN), units) for mask, units in zip(opened, pictures, strict=True)]
