@@ -50,6 +50,8 @@ MAX_ASIDES = 2
 ASLANT_RAD = math.radians(35.0)
 """From farther aside a thing is placed worse than it has to be to tell the windows beside it apart: before the last leg
 it is looked at from straight before it."""
+SQUARE_RAD = math.radians(9.0)
+"""So far the way a drone is turned at its stop may be from square to the facade as it is seen from there."""
 MISPLACED_M = 0.15
 """So far off where it should be, as seen from there, the stop is put right before the claim."""
 
@@ -182,6 +184,8 @@ async def _claim_from(step: Step, approach: Approach, leg: Leg, look: Look, sigh
         return _give_up(step, approach, "the stop is not before the thing's facade", blocked=True)
     reached = way.stop if way.status == "clear" and way.reached else None
     off_m = distance_m(look.pose, reached) if reached is not None else 0.0
+    if off_m > NEAR_ENOUGH_M and not _faces(look, way):
+        return ClaimWindow(place=place)
     if off_m > NEAR_ENOUGH_M and not approach.put_right and approach.legs < MAX_LEGS:
         return _fly_leg(step, approach.model_copy(update={"put_right": True}), leg, way)
     if off_m > MISPLACED_M:
@@ -218,6 +222,14 @@ def _fly_leg(step: Step, approach: Approach, leg: Leg, way: ApproachAnswer) -> L
     step.plan_flight(path, yaw, f"leg {number} of the approach" + (", to another side of it" if way.aside else ""))
     flown = {"legs": number, "reaches_stop": way.reached, "goes_aside": bool(way.aside)}
     return leg(approach=approach.model_copy(update=flown))
+
+
+def _faces(look: Look, way: ApproachAnswer) -> bool:
+    """Does the drone, which was turned square to the facade at its stop, still stand square to it as seen from there?
+    Where it does not, the two looks took the facade for another: a railing, or the wall round a corner."""
+    if way.facing_yaw is None:
+        return False
+    return abs(math.remainder(look.pose.yaw - way.facing_yaw, math.tau)) <= SQUARE_RAD
 
 
 def _is_in_front(look: Look, place: Point3, way: ApproachAnswer) -> bool:

@@ -163,6 +163,34 @@ async def test_a_stop_that_turns_out_to_be_far_aside_is_flown_to_and_looked_from
     assert len(legs) == (await _legs_without_a_mistake()) + looks
 
 
+class RailingForFacade(LocalDepthAssist):
+    """A depth assistant that from the stop takes something aslant for the facade, and the stop to be before that."""
+
+    def __init__(self) -> None:
+        self._at_stop = False
+
+    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
+        answer = await super().approach(question)
+        if not answer.reached or answer.stop is None or answer.facing_yaw is None:
+            return answer
+        if not self._at_stop:
+            self._at_stop = True
+            return answer
+        stop = answer.stop.model_copy(update={"x": answer.stop.x + 1.1})
+        return answer.model_copy(update={"stop": stop, "path": (stop,), "facing_yaw": answer.facing_yaw + 0.4})
+
+
+async def test_a_facade_that_seems_to_stand_otherwise_from_the_stop_moves_no_stop() -> None:
+    world = BlockWorld()
+    usual = block_ports(world)
+    log = Events()
+    ports = Ports(usual.parser, usual.vision, RailingForFacade())
+    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    assert result.outcome == "delivered"
+    assert result.pose is not None
+    assert result.pose.x == pytest.approx(world.block.thing[0], abs=0.2)
+
+
 class StopsThatNeverAgree(LocalDepthAssist):
     """A depth assistant that takes the stop to be now to the right, now to the left."""
 
