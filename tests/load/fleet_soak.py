@@ -10,6 +10,7 @@ code is 1 where a service grows by more than 1 MB an hour, the first third of th
 
 import argparse
 import asyncio
+import contextlib
 import json
 import statistics
 import sys
@@ -71,9 +72,11 @@ class Readings(threading.Thread):
         self.deliveries = 0
 
     def run(self) -> None:
-        while True:
-            self.samples.append(read(self._services, (time.monotonic() - self._began) / 3600, self.deliveries))
-            time.sleep(1.0)
+        # until the services have ended
+        with contextlib.suppress(FileNotFoundError):
+            while True:
+                self.samples.append(read(self._services, (time.monotonic() - self._began) / 3600, self.deliveries))
+                time.sleep(1.0)
 
 
 def read(services: Processes, hours: float, deliveries: int) -> Sample:
