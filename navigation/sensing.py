@@ -98,9 +98,10 @@ def open_upwards(invalid: Bools) -> Bools:
 
 
 class Line(NamedTuple):
-    """Of a picture whose openings end in a straight line: (W,) the columns in which nothing counts as open, and how far
-    the others may count, in the picture's unit; no column and inf where they end unevenly."""
+    """Of a picture whose openings (H, W) end in a straight line: (W,) the columns in which nothing counts as open, and
+    how far the others may count, in the picture's unit; no column and inf where they end unevenly."""
 
+    opened: Bools
     closed: Bools
     far: float
 
@@ -112,7 +113,7 @@ def lines_of(pictures: Sequence[NDArray[np.floating] | NDArray[np.uint16]]) -> l
     few columns that are nearer along the line nothing is open."""
     opened = [open_upwards(np.isnan(depth) | (depth == 0)) for depth in pictures]
     edges = [np.where(mask.any(axis=0), len(mask) - np.argmax(mask[::-1], axis=0), 0) for mask in opened]
-    lines = [Line(np.zeros(mask.shape[1], bool), math.inf) for mask in opened]
+    lines = [Line(mask, np.zeros(mask.shape[1], bool), math.inf) for mask in opened]
     for height in {len(mask) for mask in opened}:
         same = [number for number, mask in enumerate(opened) if len(mask) == height]
         ends = np.concatenate([edges[number] for number in same])
@@ -127,7 +128,7 @@ def lines_of(pictures: Sequence[NDArray[np.floating] | NDArray[np.uint16]]) -> l
         for number, depth in along.items():
             level = np.zeros(len(depth), bool) if failed else _level(depth, usual)
             known = level & np.isfinite(depth)
-            lines[number] = Line(~level, float(depth[known].min()) if known.any() else math.inf)
+            lines[number] = Line(opened[number], ~level, float(depth[known].min()) if known.any() else math.inf)
     return lines
 
 
@@ -167,8 +168,7 @@ def read_units(pictures: Sequence[NDArray[np.uint16]]) -> list[NDArray[np.uint16
     """The same rule for depth as it crosses the wire, (H, W) with 0 invalid and 65535 no return, of one moment."""
     if not any(bool((units == INVALID).any()) for units in pictures):
         return list(pictures)
-    lines = lines_of(pictures)
-    opened = [open_upwards(units == INVALID) & ~line.closed for units, line in zip(pictures, lines, strict=True)]
+    opened = [line.opened & ~line.closed for line in lines_of(pictures)]
     if _tells_no_return([units == NO_RETURN for units in pictures], opened):
         return list(pictures)
     return [np.where(mask, np.uint16(NO_RETURN), units) for mask, units in zip(opened, pictures, strict=True)]
