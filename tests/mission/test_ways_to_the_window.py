@@ -1,12 +1,14 @@
 """Sightings to which no way leads, or not at once: from elsewhere, from another side, into a wall, into glass."""
 
 import math
+from collections.abc import Iterable
+from itertools import chain, cycle, repeat
 
 import pytest
 
 from contracts.depth_assist import ApproachAnswer, ApproachQuestion
 from contracts.geometry import Box, Point3, Pose
-from contracts.orchestrator import MissionSettings
+from contracts.orchestrator import DeliveryResult, MissionSettings
 from contracts.vlm_gateway import FindObjectAnswer, Match
 from mission.mission import Mission
 from mission.ports import Ports
@@ -85,11 +87,8 @@ class OnlyAsideAtFirst(LocalDepthAssist):
 async def test_what_no_way_leads_to_is_looked_at_from_another_side_before_the_search_goes_on(
     times: int, lost: int
 ) -> None:
-    world = BlockWorld()
-    usual = block_ports(world)
-    log = Events()
-    ports = Ports(usual.parser, usual.vision, OnlyAsideAtFirst(times))
-    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    world, log = BlockWorld(), Events()
+    result = await _flown_with(OnlyAsideAtFirst(times), world, log)
     assert result.outcome == "delivered"
     assert sum("another side" in e.message for e in log.of("move")) == min(times, 2)
     assert [e.data.blocked for e in log.of("lost")][:1] == [True] * lost
@@ -104,11 +103,8 @@ class ThroughTheWall(LocalDepthAssist):
 
 
 async def test_what_leads_into_a_wall_is_refused_by_the_flight_guard() -> None:
-    world = BlockWorld()
-    usual = block_ports(world)
-    log = Events()
-    ports = Ports(usual.parser, usual.vision, ThroughTheWall())
-    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    world, log = BlockWorld(), Events()
+    result = await _flown_with(ThroughTheWall(), world, log)
     assert result.outcome == "blocked"
     assert {e.data.reason for e in log.of("refused")} == {"clearance"}
     assert not world.vehicles["e1"].collided
@@ -132,96 +128,68 @@ async def test_a_collision_ends_the_mission_at_once() -> None:
     assert world.ended == ["e1"]
 
 
-class StopAsideAtFirst(LocalDepthAssist):
-    """A depth assistant that from afar takes the stop to be well aside of where it is."""
+class StopsAside(LocalDepthAssist):
+    """A depth assistant that takes the stop to be so far aside, metres, and the facade to be turned so far, radians,
+    each time that it sees a way up to the stop; once it runs out of mistakes it is right."""
 
-    def __init__(self, aside_m: float) -> None:
-        self._aside_m = aside_m
+    def __init__(self, mistakes: Iterable[tuple[float, float]]) -> None:
+        self._mistakes = iter(mistakes)
 
     async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
         answer = await super().approach(question)
-        if not answer.reached or self._aside_m == 0.0 or answer.stop is None:
+        if not answer.reached or answer.stop is None or answer.facing_yaw is None:
             return answer
-        stop = answer.stop.model_copy(update={"x": answer.stop.x + self._aside_m})
-        self._aside_m = 0.0
-        return answer.model_copy(update={"stop": stop, "path": (stop,)})
+        aside_m, turned_rad = next(self._mistakes, (0.0, 0.0))
+        if aside_m == 0.0:
+            return answer
+        stop = answer.stop.model_copy(update={"x": answer.stop.x + aside_m})
+        changed = {"stop": stop, "path": (stop,), "facing_yaw": answer.facing_yaw + turned_rad}
+        return answer.model_copy(update=changed)
+
+
+async def _flown_with(depth: LocalDepthAssist, world: BlockWorld, log: Events) -> DeliveryResult:
+    usual = block_ports(world)
+    ports = Ports(usual.parser, usual.vision, depth)
+    return await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+
+
+def _legs(log: Events) -> int:
+    return sum("of the approach" in e.message for e in log.of("move"))
 
 
 @pytest.mark.parametrize(("aside_m", "looks"), [(0.0, 0), (0.5, 0), (1.1, 1)])
 async def test_a_stop_that_turns_out_to_be_far_aside_is_flown_to_and_looked_from_before_the_claim(
     aside_m: float, looks: int
 ) -> None:
-    world = BlockWorld()
-    usual = block_ports(world)
-    log = Events()
-    ports = Ports(usual.parser, usual.vision, StopAsideAtFirst(aside_m))
-    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    world, log = BlockWorld(), Events()
+    result = await _flown_with(StopsAside([(aside_m, 0.0)]), world, log)
     assert result.outcome == "delivered"
     assert result.pose is not None
     assert result.pose.x == pytest.approx(world.block.thing[0], abs=0.2)
-    legs = [e for e in log.of("move") if "of the approach" in e.message]
-    assert len(legs) == (await _legs_without_a_mistake()) + looks
-
-
-class RailingForFacade(LocalDepthAssist):
-    """A depth assistant that from the stop takes something aslant for the facade, and the stop to be before that."""
-
-    def __init__(self) -> None:
-        self._at_stop = False
-
-    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
-        answer = await super().approach(question)
-        if not answer.reached or answer.stop is None or answer.facing_yaw is None:
-            return answer
-        if not self._at_stop:
-            self._at_stop = True
-            return answer
-        stop = answer.stop.model_copy(update={"x": answer.stop.x + 1.1})
-        return answer.model_copy(update={"stop": stop, "path": (stop,), "facing_yaw": answer.facing_yaw + 0.4})
+    assert _legs(log) == (await _legs_without_a_mistake()) + looks
 
 
 async def test_a_facade_that_seems_to_stand_otherwise_from_the_stop_moves_no_stop() -> None:
     world = BlockWorld()
-    usual = block_ports(world)
-    log = Events()
-    ports = Ports(usual.parser, usual.vision, RailingForFacade())
-    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    railing_for_facade = StopsAside(chain([(0.0, 0.0)], repeat((1.1, 0.4))))
+    result = await _flown_with(railing_for_facade, world, Events())
     assert result.outcome == "delivered"
     assert result.pose is not None
     assert result.pose.x == pytest.approx(world.block.thing[0], abs=0.2)
 
 
-class StopsThatNeverAgree(LocalDepthAssist):
-    """A depth assistant that takes the stop to be now to the right, now to the left."""
-
-    def __init__(self) -> None:
-        self._aside_m = 0.6
-
-    async def approach(self, question: ApproachQuestion) -> ApproachAnswer:
-        answer = await super().approach(question)
-        if not answer.reached or answer.stop is None:
-            return answer
-        stop = answer.stop.model_copy(update={"x": answer.stop.x + self._aside_m})
-        self._aside_m = -self._aside_m
-        return answer.model_copy(update={"stop": stop, "path": (stop,)})
-
-
 async def test_a_drone_does_not_fly_to_and_fro_between_stops_that_never_agree() -> None:
-    world = BlockWorld()
-    usual = block_ports(world)
     log = Events()
-    ports = Ports(usual.parser, usual.vision, StopsThatNeverAgree())
-    result = await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    result = await _flown_with(StopsAside(cycle([(0.6, 0.0), (-0.6, 0.0)])), BlockWorld(), log)
     assert result.verdict is not None
-    legs = [e for e in log.of("move") if "of the approach" in e.message]
-    assert len(legs) == (await _legs_without_a_mistake()) + 1
+    assert _legs(log) == (await _legs_without_a_mistake()) + 1
 
 
 async def _legs_without_a_mistake() -> int:
     world = BlockWorld()
     log = Events()
     await fly(world, log=log)
-    return sum("of the approach" in e.message for e in log.of("move"))
+    return _legs(log)
 
 
 @pytest.mark.parametrize(("x", "aslant"), [(6.5, True), (1.0, False)])
