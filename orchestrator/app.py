@@ -21,7 +21,7 @@ from orchestrator.assembly import Orchestrator
 from orchestrator.beside import beside
 from orchestrator.overview_routes import add_overview_routes
 from orchestrator.shared_answers import PING_S, LastEventId, file_answer, number_after, step_stream
-from orchestrator.store.upkeep import Page
+from orchestrator.store.lines import Chosen
 from service_kit.app import Check, create_app
 from service_kit.errors import Conflict, NotFound, TooMany, Unavailable, error_answers, error_response
 
@@ -80,10 +80,10 @@ def build_app(
         before: Name | None = None,
         limit: Annotated[int, Query(ge=1, le=1000)] = 200,
     ) -> DeliveryList:
-        """The newest first: of that `status`, taken `since` then, with that `text` in the request. `before`: the
+        """The newest first: of that `status`, taken `since` then, with that `text` in request or id. `before`: the
         answer's `next`, for the page that follows."""
         taken = None if since is None else since.timestamp()
-        return await deliveries.list(Page(limit, status, taken, text, before))
+        return await deliveries.list(Chosen(limit, status, text=text, before=before, since=taken))
 
     @app.get("/v1/deliveries/{delivery_id}", tags=["deliveries"], responses=_NOT_FOUND)
     async def get_delivery(delivery_id: str) -> Delivery:

@@ -83,8 +83,8 @@ class Orchestrator:
             alone=not database.shared,
             lost_after_s=lost_after_s,
         )
-        self.deliveries = Deliveries(store, intake, self._upkeep, self._watch, self._keeper, hangar, records, bounds)
         lines = LineStore(database.engine)
+        self.deliveries = Deliveries(store, intake, lines, self._watch, self._keeper, hangar, records, bounds)
         self.overlook = Overlook(self.deliveries, lines, self.fleet, Telemetry(hangar, store), Streets(store))
 
     async def start(self) -> None:

@@ -21,7 +21,7 @@ from orchestrator.keeper import Keeper
 from orchestrator.record_files import Shown, shown_file
 from orchestrator.records import Records
 from orchestrator.store.deliveries import DeliveryStore, StoredDelivery
-from orchestrator.store.upkeep import Page, UpkeepStore
+from orchestrator.store.lines import Chosen, LineStore
 from orchestrator.watch import Watch
 from service_kit.errors import BadQuestion, Conflict, NotFound, ServiceError, TooMany, Unavailable
 
@@ -45,7 +45,7 @@ class Deliveries:
         self,
         store: DeliveryStore,
         intake: Intake,
-        upkeep: UpkeepStore,
+        lines: LineStore,
         watch: Watch,
         keeper: Keeper,
         hangar: Hangar,
@@ -54,7 +54,7 @@ class Deliveries:
     ) -> None:
         self._store = store
         self._intake = intake
-        self._upkeep = upkeep
+        self._lines = lines
         self._watch = watch
         self._keeper = keeper
         self._hangar = hangar
@@ -157,13 +157,13 @@ class Deliveries:
         """Raises NotFound."""
         return self._records.told(await self._stored(name))
 
-    async def list(self, page: Page) -> DeliveryList:
+    async def list(self, chosen: Chosen) -> DeliveryList:
         """The newest first. Raises NotFound for a page that begins before no delivery."""
-        if page.before is not None:
-            await self._stored(page.before)
-        found = await asyncio.to_thread(self._upkeep.page, replace(page, limit=page.limit + 1))
-        shown = tuple(self._records.told(stored) for stored in found[: page.limit])
-        return DeliveryList(deliveries=shown, next=shown[-1].id if len(found) > page.limit else None)
+        if chosen.before is not None:
+            await self._stored(chosen.before)
+        found = await asyncio.to_thread(self._lines.lines, replace(chosen, limit=chosen.limit + 1))
+        shown = tuple(self._records.told(stored) for stored in found[: chosen.limit])
+        return DeliveryList(deliveries=shown, next=shown[-1].id if len(found) > chosen.limit else None)
 
     async def cancel(self, name: str) -> Delivery:
         """Ends a delivery, whatever its status, and waits for its record to be complete; one that is done stays as it

@@ -11,6 +11,7 @@ from contracts.orchestrator import Delivery, DeliveryResult, OpenQuestion
 from orchestrator.delivery import Order
 from orchestrator.record_files import PICTURES, RecordFiles
 from orchestrator.store.deliveries import StoredDelivery
+from orchestrator.store.lines import StoredLine
 from orchestrator.summary import summary_of
 
 log = logging.getLogger("orchestrator.records")
@@ -44,7 +45,7 @@ class Records:
         files.write(name, {"result.json": result.model_dump_json(indent=1).encode()})
         return files.size(name)
 
-    def told(self, stored: StoredDelivery) -> Delivery:
+    def told(self, stored: StoredDelivery | StoredLine) -> Delivery:
         """What is told of a delivery."""
         return Delivery(
             id=stored.id,

@@ -18,13 +18,15 @@ REMEMBERED = 100
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which deliveries: of that status or outcome, with `text` in request or id, older than the one `before`."""
+    """Which deliveries: of that status or outcome, taken at or after `since` (seconds since 1970), with `text` in
+    request or id, older than the one `before`."""
 
     limit: int
     status: DeliveryStatus | None = None
     outcome: OutcomeName | None = None
     text: str | None = None
     before: str | None = None
+    since: float | None = None
 
 
 class StoredLine(NamedTuple):
@@ -45,7 +47,7 @@ class StoredLine(NamedTuple):
     result: str | None
 
 
-def newest_first(query: "sa.Select[Any]", before: str | None, limit: int) -> "sa.Select[Any]":
+def _newest_first(query: "sa.Select[Any]", before: str | None, limit: int) -> "sa.Select[Any]":
     """A page of a query over deliveries: so many of those that are older than the delivery `before`."""
     c = deliveries.c
     if before is not None:
@@ -68,11 +70,13 @@ class LineStore:
             query = query.where(c.status == chosen.status)
         if chosen.outcome is not None:
             query = query.where(c.result.startswith(f'{{"outcome":"{chosen.outcome}"', autoescape=True))
+        if chosen.since is not None:
+            query = query.where(c.created >= chosen.since)
         if chosen.text:
             contains = (column.icontains(chosen.text, autoescape=True) for column in (c.request, c.id))
             query = query.where(sa.or_(*contains))
         with self._engine.connect() as connection:
-            rows = connection.execute(newest_first(query, chosen.before, chosen.limit))
+            rows = connection.execute(_newest_first(query, chosen.before, chosen.limit))
             return [StoredLine(*row) for row in rows]
 
     def counts(self) -> dict[DeliveryStatus, int]:

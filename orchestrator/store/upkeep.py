@@ -1,30 +1,25 @@
-"""What is done with deliveries beside carrying them on: listed by the page, told to somebody, and thrown away."""
+"""What is done with deliveries beside carrying them on: told to somebody, and thrown away."""
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import sqlalchemy as sa
 
 from contracts.orchestrator import DeliveryStatus
-from orchestrator.store.deliveries import StoredDelivery, stored_delivery
-from orchestrator.store.lines import newest_first
 from orchestrator.store.tables import deliveries, events
 
 TOLD_WITHIN_S = 86_400.0
 """A change that is older is told to nobody any more."""
 
 
-@dataclass(frozen=True)
-class Page:
-    """Which deliveries a list shows: of that status, taken at or after `since` (seconds since 1970), with `text` in
-    the request, older than the delivery `before`."""
+class Untold(NamedTuple):
+    """A delivery as it stands; `told` is the status that was told last."""
 
-    limit: int
-    status: DeliveryStatus | None = None
-    since: float | None = None
-    text: str | None = None
-    before: str | None = None
+    id: str
+    status: DeliveryStatus
+    told: DeliveryStatus
+    version: int
 
 
 class UpkeepStore:
@@ -33,31 +28,18 @@ class UpkeepStore:
     def __init__(self, engine: sa.Engine) -> None:
         self._engine = engine
 
-    def page(self, page: Page) -> list[StoredDelivery]:
-        """The newest first."""
-        c, chosen = deliveries.c, sa.select(deliveries)
-        if page.status is not None:
-            chosen = chosen.where(c.status == page.status)
-        if page.since is not None:
-            chosen = chosen.where(c.created >= page.since)
-        if page.text:
-            chosen = chosen.where(c.request.icontains(page.text, autoescape=True))
-        with self._engine.connect() as connection:
-            rows = connection.execute(newest_first(chosen, page.before, page.limit))
-            return [stored_delivery(row) for row in rows]
-
-    def untold(self, limit: int) -> list[StoredDelivery]:
-        """Deliveries whose status nobody has been told yet."""
+    def untold(self, limit: int) -> list[Untold]:
+        """Those whose status nobody has been told yet."""
         c = deliveries.c
         recent = sa.or_(c.ended.is_(None), c.ended > time.time() - TOLD_WITHIN_S)
-        chosen = sa.select(deliveries).where(c.status != c.told, recent).order_by(c.created).limit(limit)
+        chosen = sa.select(*(c[name] for name in Untold._fields)).where(c.status != c.told, recent)
         with self._engine.connect() as connection:
-            return [stored_delivery(row) for row in connection.execute(chosen)]
+            return [Untold(*row) for row in connection.execute(chosen.order_by(c.created).limit(limit))]
 
-    def told(self, stored: Sequence[StoredDelivery]) -> None:
+    def told(self, untold: Sequence[Untold]) -> None:
         """The engine will tell these, as they stood."""
         with self._engine.begin() as connection:
-            for one in stored:
+            for one in untold:
                 connection.execute(deliveries.update().where(deliveries.c.id == one.id).values(told=one.status))
 
     def outdated(self, before: float, limit: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""Pages of the list, what is to be told, and what has to go, over SQLite and PostgreSQL."""
+"""What is to be told, and what has to go, over SQLite and PostgreSQL."""
 
 import time
 from pathlib import Path
@@ -10,7 +10,7 @@ from orchestrator.records import Records
 from orchestrator.retention import Keep, Retention
 from orchestrator.store.database import Database
 from orchestrator.store.deliveries import DeliveryStore
-from orchestrator.store.upkeep import Page, UpkeepStore
+from orchestrator.store.upkeep import UpkeepStore
 from tests.orchestrator.store.test_delivery_store import row
 
 NOW = time.time()
@@ -28,30 +28,6 @@ def filled(database: Database, count: int, **more: object) -> DeliveryStore:
         told = {"created": NOW + k // 2, "request": f"window {k} with 100% blue_things"} | more
         store.add(row(f"d{k:02d}", **told), [(1, "event")])
     return store
-
-
-def test_pages_that_follow_each_other_show_every_delivery_once(database: Database, upkeep: UpkeepStore) -> None:
-    filled(database, 7)
-    seen: list[str] = []
-    before = None
-    while page := upkeep.page(Page(limit=3, before=before)):
-        seen += [stored.id for stored in page]
-        before = seen[-1]
-    assert seen == [f"d{k:02d}" for k in range(6, -1, -1)]
-
-
-def test_a_list_is_filtered_by_status_time_and_words(database: Database, upkeep: UpkeepStore) -> None:
-    filled(database, 4)
-    DeliveryStore(database.engine).add(row("done", status="done", created=NOW - 60, request="The RED door"))
-
-    def shown(**chosen: object) -> list[str]:
-        return [stored.id for stored in upkeep.page(Page(limit=10, **chosen))]
-
-    assert shown(status="done") == ["done"]
-    assert shown(since=NOW + 1) == ["d03", "d02"]
-    assert shown(text="red DOOR") == ["done"]
-    assert shown(text="100% blue_") == ["d03", "d02", "d01", "d00"]
-    assert shown(text="100_ blue") == [], "what is searched for is taken as it stands"
 
 
 def test_a_status_is_told_once_and_old_ones_not_any_more(database: Database, upkeep: UpkeepStore) -> None:
