@@ -202,7 +202,7 @@ class LiveEpisodes(ABC, Generic[Q, E, S]):
         try:
             opened = await self._open(question)
         finally:
-            self._starting[question.owner] -= 1
+            self._starting -= Counter([question.owner])  # owners of none are left out
         lease.renew()
         self._live[opened.episode.id] = _Live(opened, lease)
         return opened.episode.id

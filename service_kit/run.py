@@ -24,7 +24,7 @@ from service_kit.hosts import Hosts, is_loopback
 from service_kit.http_limits import ConnectionLimits, OpenConnections, default_limits
 from service_kit.http_protocol import ServiceProtocol
 from service_kit.settings import BadSetting, ServiceSettings, process_environment
-from service_kit.tidying import keep_tidy
+from service_kit.tidying import keep_tidy, share_heaps
 from service_kit.workers import Supervisor, Worker, bound_socket
 
 PARENT_WATCH_S = 0.5
@@ -105,6 +105,7 @@ def _supervised(
 
 
 def _settings(service: str, kind: type[S]) -> S:
+    share_heaps()
     environment = process_environment()
     try:
         settings = kind.read(environment)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import sqlalchemy as sa
 
 from contracts.orchestrator import DeliveryStatus
+from orchestrator.store.database import padded
 from orchestrator.store.tables import deliveries, events
 
 TOLD_WITHIN_S = 86_400.0
@@ -65,5 +66,5 @@ class UpkeepStore:
 
     def delete(self, names: Sequence[str]) -> None:
         with self._engine.begin() as connection:
-            connection.execute(events.delete().where(events.c.delivery.in_(names)))
-            connection.execute(deliveries.delete().where(deliveries.c.id.in_(names)))
+            connection.execute(events.delete().where(events.c.delivery.in_(padded(names))))
+            connection.execute(deliveries.delete().where(deliveries.c.id.in_(padded(names))))

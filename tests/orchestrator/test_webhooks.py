@@ -58,6 +58,7 @@ def receiver() -> Iterator[Receiver]:
 
 
 def test_a_webhook_hears_signed_how_a_delivery_stands_and_is_asked_again(receiver: Receiver, tmp_path: Path) -> None:
+    began = int(time.time())
     door = Door(tmp_path / "runs", BlockWorld(BEHIND, slow_s=0.05), webhook=Webhook(receiver.url, SECRET))
     try:
         name = door.client.post("/v1/deliveries", json=order(BlockWorld(BEHIND))).json()["id"]
@@ -73,7 +74,7 @@ def test_a_webhook_hears_signed_how_a_delivery_stands_and_is_asked_again(receive
         signed = f"{headers['webhook-id']}.{headers['webhook-timestamp']}.".encode() + body
         expected = base64.b64encode(hmac.new(SECRET, signed, hashlib.sha256).digest()).decode()
         assert headers["webhook-signature"] == f"v1,{expected}"
-        assert abs(time.time() - int(headers["webhook-timestamp"])) < 60
+        assert began <= int(headers["webhook-timestamp"]) <= time.time()
     messages = [StatusMessage.model_validate_json(body) for _, body in receiver.tries]
     [done] = {m.data.result.outcome for m in messages if m.type == "delivery.done" and m.data.result}
     assert done == "delivered"

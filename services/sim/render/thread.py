@@ -59,11 +59,14 @@ class RenderThread:
             return
         ready.set_result(renderer)
         while (item := self._jobs.get()) is not None:
-            job, future = item
-            if not future.set_running_or_notify_cancel():
-                continue
-            try:
-                future.set_result(job(renderer))
-            except BaseException as error:
-                future.set_exception(error)
+            _do(renderer, *item)
+            del item  # while the next job is waited for, the last one's scene and pictures are nobody's
         renderer.close()
+
+
+def _do(renderer: Renderer, job: Callable[[Renderer], Any], future: "Future[Any]") -> None:
+    if future.set_running_or_notify_cancel():
+        try:
+            future.set_result(job(renderer))
+        except BaseException as error:
+            future.set_exception(error)

@@ -1,5 +1,7 @@
 """The renderer's own thread: jobs in order, errors to whoever asked, a bounded line."""
 
+import time
+import weakref
 from concurrent.futures import wait
 from threading import Event, current_thread
 
@@ -28,6 +30,22 @@ def test_a_jobs_error_comes_back_to_its_caller_and_the_thread_lives_on() -> None
     with pytest.raises(KeyError, match="lost"):
         thread.run(fail)
     assert thread.run(lambda renderer: renderer.name) == "tiny"
+    thread.close()
+
+
+def test_while_nothing_is_to_be_drawn_nothing_of_the_last_scene_is_kept() -> None:
+    class Picture:
+        pass
+
+    thread = RenderThread(lambda: TinyRenderer())
+    picture = Picture()
+    kept = weakref.ref(picture)
+    thread.run(lambda _, shown=picture: shown)  # type: ignore[misc]
+    del picture
+    give_up = time.monotonic() + 10
+    while kept() is not None and time.monotonic() < give_up:
+        time.sleep(0.01)
+    assert kept() is None
     thread.close()
 
 
