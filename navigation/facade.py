@@ -54,7 +54,7 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
     """The facade's upper edge above ground, from a level view at `camera_height_m`.
 
     The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
-    recess: sky, a receding roof and the houses behind don't count. None where the wall reaches the picture's upper
+    recess: sky, a receding roof and the houses behind don't count, nor does a pane that returns nothing. None where the wall reaches the picture's upper
     edge, or nothing above it is known to be farther off, its top being out of sight or of the sensor's reach, or where
     most of the middle is invalid; the height of the picture's lower edge on the facade where what the picture shows is
     far and none of it wall.
@@ -64,6 +64,7 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
     if np.isnan(strip).mean() > 1.0 - settings.min_valid_share:
         return None
     profile = _row_medians(strip, settings.min_valid_share)
+    profile[np.isinf(profile) & _between_walls(view, stand_off, settings)] = np.nan
     heights = profile * row_slopes(camera)
     near = profile <= stand_off + settings.recess_m
     step = min(camera.height - 1, max(2, math.ceil(settings.lean_over_m * camera.fy_px / stand_off)))
@@ -112,11 +113,23 @@ def wall_columns(view: DepthView, stand_off: float) -> tuple[int, int] | None:
     return min(wide, key=lambda ab: max(ab[0] - middle, middle - ab[1], 0.0)) if wide else None
 
 
+def _between_walls(view: DepthView, stand_off: float, settings: FacadeParameters) -> NDArray[np.bool_]:
+    """(H,) the rows in which the facade goes on at both sides of the middle: nothing there is glass, not sky."""
+    with np.errstate(invalid="ignore"):
+        on_wall = np.abs(view.depth_m - np.float32(stand_off)) <= _SAME_WALL_M
+    middle = _middle_columns(view, settings)
+    sides = (on_wall[:, : middle.start], on_wall[:, middle.stop :])
+    if not all(side.shape[1] for side in sides):
+        return np.zeros(len(on_wall), np.bool_)
+    return np.logical_and(*(side.mean(axis=1) >= _LEAST_WALL for side in sides))
+
+
 def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:
     """(H,) median of each row's returns; where it has too few, inf where nothing is there, nan where nobody knows."""
     returns = np.where(np.isfinite(strip), strip, np.nan)
     enough = np.isfinite(strip).mean(axis=1) >= min_valid_share
-    profile = np.where(np.isinf(strip).mean(axis=1) >= min_valid_share, np.inf, np.nan)
+    absent, unknown = np.isinf(strip).mean(axis=1), np.isnan(strip).mean(axis=1)
+    profile = np.where((absent >= min_valid_share) & (absent > unknown), np.inf, np.nan)
     if enough.any():
         profile[enough] = np.nanmedian(returns[enough], axis=1)
     return profile

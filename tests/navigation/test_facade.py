@@ -95,6 +95,21 @@ def test_glass_that_returns_nothing_is_no_top() -> None:
     assert _top(glass) is None
 
 
+def test_a_pane_that_the_pictures_edge_cuts_off_and_that_returns_nothing_is_no_sky() -> None:
+    wall = _front(_block(30.0))
+    wall[:60, 60:140] = np.inf
+    assert _top(wall) is None
+    wall[:60] = np.inf
+    assert _top(wall) is not None
+
+
+def test_a_row_of_which_more_is_unknown_than_open_is_no_sky() -> None:
+    wall = _front(_block(30.0))
+    wall[:60] = np.nan
+    wall[:60, 90:104] = np.inf
+    assert _top(wall) is None
+
+
 def test_the_wall_at_a_row_is_measured_there_and_the_stand_off_stands_in_for_what_is_no_wall() -> None:
     depth = np.full((100, 100), 60.0, np.float32)  # houses far behind, over the roof
     depth[60:80] = 10.5
