@@ -7,16 +7,19 @@ from itertools import pairwise
 from contracts.geometry import Point3
 from contracts.vehicle import MAX_PATH_POINTS
 from mission.places import above, ahead
-from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, ConfirmHeight, CountBand
+from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, ConfirmHeight, CountBand, TakeStand
 from mission.step import MissionEnd, Step
 
 BACK_OFF_M = 1.0
 CLOSE_ENOUGH_M = 0.05
 BELOW_CEILING_M = 0.1
 SAME_COLUMN_M = 0.3
+SAME_WAY_RAD = math.radians(50.0)
+MAX_NO_BUILDINGS = 2
+"""How often a drone that stood before no building looks elsewhere."""
 
 
-async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb:
+async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb | TakeStand:
     """Plans the flight, the nose kept; up to the height that is allowed as yet. Raises MissionEnd (floor_not_found)
     where the building ends far below."""
     pose = step.pose
@@ -63,7 +66,22 @@ def way_down(step: Step, to_m: float) -> tuple[Point3, ...]:
     return (above(pose, to_m),)
 
 
-def _over_the_roof(step: Step, stage: Climb) -> AfterClimb:
+def may_look_elsewhere(step: Step) -> bool:
+    return len(step.state.no_building) < MAX_NO_BUILDINGS
+
+
+def look_elsewhere(step: Step) -> TakeStand:
+    """What has no floor, however high it is, is no building that anybody lives in on this side but a tree, a hedge or
+    a bare wall: down again, turned to where the drone looked when it began, or where that is the same way, round."""
+    pose, home = step.pose, step.state.guard.home if step.state.guard is not None else step.pose
+    step.update(no_building=(*step.state.no_building, pose.yaw))
+    path = way_down(step, home.z) if home.z < pose.z else ()
+    same_way = abs(math.remainder(home.yaw - pose.yaw, math.tau)) <= SAME_WAY_RAD
+    step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, "that is no building: look elsewhere")
+    return TakeStand(looked_behind=True)
+
+
+def _over_the_roof(step: Step, stage: Climb) -> AfterClimb | TakeStand:
     """As high as is allowed over what stands here: what is to be seen from higher up can't be of this building."""
     high = f"nothing here is higher than {step.drone.vehicle.ceiling_m - step.drone.vehicle.limits.roof_margin_m:.1f} m"
     floor = step.state.floor
@@ -71,5 +89,7 @@ def _over_the_roof(step: Step, stage: Climb) -> AfterClimb:
     if first or isinstance(stage.then, BoxBuilding):
         raise MissionEnd("floor_not_found", f"{high}: there is no floor {floor} at {stage.to_m:.1f} m")
     if isinstance(stage.then, CountBand) and step.pose.z < stage.then.band.lower_m:
+        if stage.then.floors_below == 0 and may_look_elsewhere(step):
+            return look_elsewhere(step)
         raise MissionEnd("floor_not_found", f"{high}, and no floor {floor} was found up to there")
     return stage.then

@@ -3,8 +3,6 @@
 This is the paper's way, `stepwise`; its ablation `direct-count` is in `mission.stage_actions.direct_count`.
 """
 
-import math
-
 from contracts.event_data import BuildingBoxData, StandOffData
 from contracts.images import encode_jpeg, jpeg_bytes
 from contracts.vlm_gateway import BuildingBoxQuestion
@@ -12,7 +10,7 @@ from mission.annotation import mark_box
 from mission.looks import Sight
 from mission.model_calls import Answered
 from mission.places import ahead
-from mission.stage_actions.climbing import way_down
+from mission.stage_actions.climbing import look_elsewhere, may_look_elsewhere
 from mission.stage_actions.direct_count import leave_facade
 from mission.stage_actions.floor_counts import (
     FACADE,
@@ -39,7 +37,6 @@ from mission.stages import (
 )
 from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
-from navigation.camera import wrap_radians
 from navigation.floor_localization import (
     LEAST_FLOOR_M,
     FinalHeight,
@@ -51,9 +48,6 @@ from navigation.floor_localization import (
 )
 
 DRIFT_M = 0.5
-SAME_WAY_RAD = math.radians(50.0)
-MAX_NO_BUILDINGS = 2
-"""How often a drone that stood before no building looks elsewhere."""
 
 
 async def measure_stand_off(step: Step) -> Climb | BackOff:
@@ -106,8 +100,8 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
         case FinalHeight():
             return _to_final_height(step, decision, stage.stand_off_m)
         case FloorNotFound():
-            if decision.floors_counted == 0 and len(step.state.no_building) < MAX_NO_BUILDINGS:
-                return _look_elsewhere(step)
+            if decision.floors_counted == 0 and may_look_elsewhere(step):
+                return look_elsewhere(step)
             if stage.band.number == 1 and decision.floors_counted > 0:
                 return _once_more_from_below(step, stage.stand_off_m, decision.facade_top_m)
             raise not_there(step, decision)
@@ -131,17 +125,6 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
                     silent=stage.silent,
                 ),
             )
-
-
-def _look_elsewhere(step: Step) -> TakeStand:
-    """What has no floor and ends so low is no building but a tree or a hedge: down again, turned to where the drone
-    looked when it began, or where that is the same way, round."""
-    pose, home = step.pose, step.state.guard.home if step.state.guard is not None else step.pose
-    step.update(no_building=(*step.state.no_building, pose.yaw))
-    path = way_down(step, home.z) if home.z < pose.z else ()
-    same_way = abs(wrap_radians(home.yaw - pose.yaw)) <= SAME_WAY_RAD
-    step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, "that is no building: look elsewhere")
-    return TakeStand(looked_behind=True)
 
 
 def _once_more_from_below(step: Step, stand_off_m: float, top_m: float) -> Climb:

@@ -19,6 +19,8 @@ SQUARE_RAD = math.radians(10.0)
 FAR_AHEAD_M = 20.0
 """A wall ahead so far off may be another house than the one at whose foot the drone stands."""
 AT_FOOT_M = 12.0
+BESIDE_LENGTH_M = 3.0
+"""A tree crown of which only the nearest part is within the sensor's reach looks as flat as a shorter wall."""
 BESIDE_RAD = math.radians(75.0)
 """A wall turned farther off the nose is another house, as long as the one ahead or behind may be out of sight."""
 NO_BUILDING_RAD = math.radians(50.0)
@@ -71,8 +73,7 @@ def _elsewhere(
     step: Step, stage: TakeStand, walls: Sequence[Wall], facing: Wall | None, pose: Pose
 ) -> TakeStand | None:
     """Nothing ahead, or only far off: the building may be aside or behind. Null where what is ahead is the best."""
-    near = (wall for wall in walls if wall.nearest_m <= AT_FOOT_M and _off_rad(wall, pose) <= BESIDE_RAD)
-    beside = next(near, None)
+    beside = next((wall for wall in walls if _is_beside(wall, pose)), None)
     if beside is None and facing is None and _has_looked_about(stage) and _reach_m(step) > SHORT_SIGHT_M:
         beside = next(iter(walls), None)
     if beside is not None and beside is not facing:
@@ -96,9 +97,10 @@ def _is_no_building(step: Step, wall: Wall) -> bool:
     )
 
 
-def _off_rad(wall: Wall, pose: Pose) -> float:
-    """How far the drone would have to turn to stand square before it."""
-    return abs(wrap_radians(wall.facing_yaw - pose.yaw))
+def _is_beside(wall: Wall, pose: Pose) -> bool:
+    """Does it stand at the drone's side, near enough and long enough for a house at whose foot the drone may be?"""
+    off_rad = abs(wrap_radians(wall.facing_yaw - pose.yaw))
+    return wall.nearest_m <= AT_FOOT_M and wall.length_m >= BESIDE_LENGTH_M and off_rad <= BESIDE_RAD
 
 
 def _has_looked_about(stage: TakeStand) -> bool:
