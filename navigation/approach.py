@@ -16,6 +16,8 @@ from navigation.sensing import FREE, looked_at
 from navigation.target import Box, Target
 
 _ANOTHER_SIDE_RAD = math.radians(20.0)
+_ANOTHER_PLACE_M = 1.0
+"""Nearer than this a further look shows what this one has shown."""
 _BEFORE_THING_M = 1.5
 """Railings and sills stand so near; they may be looked over from nearer."""
 
@@ -71,7 +73,8 @@ def plan_approach(
 
     Straight if that is free, else by one corner: sideways or back first, then in. A way is free where a ball of the
     drone's radius + clearance touches no return of any view, and every part of it lies where some view looked
-    through. Where only the second leg is out of sight, the path ends at the corner, for another look from there.
+    through. Where only the second leg is out of sight, the path ends at the corner, for another look from
+    there; not at one where the drone hovers already.
     `others` are further views of the same moment. `max_leg_m` caps the whole flight.
     """
     found = targets.locate(view, box, pose, settings.target)
@@ -92,7 +95,8 @@ def plan_approach(
         if _is_seen(way, views, pose, settings):
             path, reached = _cut(way, max_leg_m)
             return Approach("clear", found, stop, path, reached, free)
-        if len(way) > 2 and halfway is None and _is_seen(way[:2], views, pose, settings):
+        elsewhere = len(way) > 2 and math.dist(*way[:2]) >= _ANOTHER_PLACE_M
+        if elsewhere and halfway is None and _is_seen(way[:2], views, pose, settings):
             halfway = way[:2]
     if halfway is not None:
         return Approach("clear", found, stop, _cut(halfway, max_leg_m)[0], False, free)

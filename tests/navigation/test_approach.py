@@ -178,6 +178,18 @@ def test_where_the_stop_is_hidden_the_drone_flies_to_a_corner_and_looks_again() 
     _assert_flies_clear(world, there, second)
 
 
+def test_a_look_from_where_the_drone_hovers_already_is_not_flown_to() -> None:
+    """Of the two corners by which the stop may be reached one lies 0.3 m beside the drone, and from there the way in is
+    as much out of sight."""
+    pose = Pose(8.0, -9.0, 8.0, NORTH)
+    view = World([WALL, POT]).views(pose, CAMERA)[0]
+    box = _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6))
+    near = STOPS_AT_2_M._replace(slide_offsets_m=(6.7,), retreats_m=(6.7,))
+    found = plan_approach(view, (), box, pose, near, 40.0)
+    corners = [math.dist((pose.x, pose.y, pose.z), place) for place in found.path]
+    assert all(away >= 1.0 for away in corners), corners
+
+
 def test_without_depth_in_the_box_there_is_no_target() -> None:
     views = World([]).views(Pose(0.0, 0.0, 8.0, NORTH), CAMERA)
     sky = plan_approach(views[0], (), Box(0.4, 0.4, 0.6, 0.6), Pose(0.0, 0.0, 8.0, NORTH), usual.APPROACH, 40.0)
