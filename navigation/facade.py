@@ -54,10 +54,10 @@ def facade_top_m(view: DepthView, stand_off: float, camera_height_m: float, sett
     """The facade's upper edge above ground, from a level view at `camera_height_m`.
 
     The highest row of the middle columns that belongs to an upright wall no farther than the stand-off plus the allowed
-    recess: sky, a receding roof and the houses behind don't count, nor does a pane that returns nothing. None where the wall reaches the picture's upper
-    edge, or nothing above it is known to be farther off, its top being out of sight or of the sensor's reach, or where
-    most of the middle is invalid; the height of the picture's lower edge on the facade where what the picture shows is
-    far and none of it wall.
+    recess: sky, a receding roof and the houses behind don't count, nor does a pane that returns nothing. None where the
+    wall reaches the picture's upper edge, or nothing above it is known to be farther off, its top being out of sight or
+    of the sensor's reach, or where most of the middle is invalid; the height of the picture's lower edge on the facade
+    where what the picture shows is far and none of it wall.
     """
     camera = view.camera
     strip = view.depth_m[:, _middle_columns(view, settings)]
@@ -121,7 +121,9 @@ def _between_walls(view: DepthView, stand_off: float, settings: FacadeParameters
     sides = (on_wall[:, : middle.start], on_wall[:, middle.stop :])
     if not all(side.shape[1] for side in sides):
         return np.zeros(len(on_wall), np.bool_)
-    return np.logical_and(*(side.mean(axis=1) >= _LEAST_WALL for side in sides))
+    left, right = (side.mean(axis=1) >= _LEAST_WALL for side in sides)
+    both: NDArray[np.bool_] = left & right
+    return both
 
 
 def _row_medians(strip: Depth, min_valid_share: float) -> NDArray[np.float64]:

@@ -18,6 +18,9 @@ _SAME_ROW_FLOORS = 0.3
 _HIDDEN_FLOORS = 1.25
 """A row of windows is about half a floor above its own floor; a tall ground floor's is not this far up."""
 
+_STRETCHED = 1.5
+"""Eq. 3's floors so many times as high as the rows stand apart are no floors."""
+
 LEAST_FLOOR_M = 2.2
 """No floor that people live on is lower."""
 
@@ -241,8 +244,9 @@ def corrected(
 
     Eq. 3 stretches the floors over everything upright: the gable above the topmost floor counts as a part of it. A
     window row that lies more than `row_trust_floors` of the rows' own spacing away from eq. 3's height is believed
-    instead, unless it is a whole floor off: then the rows are no better. Unchanged where the rows are not the counted
-    floors or too few to tell a floor's height from.
+    instead, unless it is a whole floor off: then the rows are no better, but where they begin at the ground and stand
+    much closer than eq. 3's floors: then its band reaches into a sky that the sensor did not tell from wall. Unchanged
+    where the rows are not the counted floors or too few to tell a floor's height from.
     """
     at = round(final.floors_counted) - target_floor  # rows begin at the topmost floor of this picture
     floor_height = seen.spacing_m
@@ -250,7 +254,10 @@ def corrected(
         return final
     height = seen.height_m(at)
     off = abs(height - final.height_m)
-    if floor_height <= 0.0 or not settings.row_trust_floors * floor_height < off < final.floor_height_m:
+    if floor_height <= 0.0 or off <= settings.row_trust_floors * floor_height:
+        return final
+    stretched = final.floor_height_m > _STRETCHED * floor_height and seen.height_m(-1) < floor_height
+    if off >= final.floor_height_m and not stretched:
         return final
     return FinalHeight(max(settings.min_height_m, height), floor_height, final.floors_counted)
 

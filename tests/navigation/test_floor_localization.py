@@ -203,6 +203,18 @@ def test_a_gable_over_the_topmost_floor_does_not_lift_the_height_above_its_windo
     assert held == FinalHeight(pytest.approx(7.5), pytest.approx(3.0), 3)
 
 
+def test_a_low_house_under_a_sky_that_the_sensor_does_not_tell_from_wall_is_as_high_as_its_rows_say() -> None:
+    """Three floors of 3 m in a band of 19.6 m whose top is not known: eq. 3 says 16.3 m."""
+    final = decide(band(1, 19.6), 0, 3, 3, None, UPPER)
+    assert isinstance(final, FinalHeight)
+    assert final.height_m == pytest.approx(16.33, abs=0.01)
+    rows = tuple(0.5 + (9.8 - z) / 19.6 for z in (7.5, 4.5, 1.5))
+    assert corrected(final, 3, WindowRows(rows, 9.8, 9.8, SQUARE), UPPER).height_m == pytest.approx(7.5)
+    lifted = WindowRows(tuple(row - 0.2 for row in rows), 9.8, 9.8, SQUARE)
+    lower = FinalHeight(2.0, 6.5, 3)
+    assert corrected(lower, 3, lifted, UPPER) == lower
+
+
 @pytest.mark.parametrize(
     ("rows", "target"),
     [((0.3, 0.45, 0.6), 5), ((0.4,), 3), ((), 3), ((0.60, 0.76, 0.91), 3), ((0.10, 0.26, 0.41), 3)],
