@@ -2,7 +2,9 @@
 
 import asyncio
 
-from mission.policies.base import NothingLeft, Plan
+from contracts.geometry import Point3
+from mission.places import point_of
+from mission.policies.base import NextStop, NothingLeft, Plan
 from mission.stage_actions.approaching import begin_approach
 from mission.stage_actions.looking import ALL_ROUND_DEG, look_aside
 from mission.stage_actions.planning import memory_of, plan_onward
@@ -66,7 +68,17 @@ async def _go_on(step: Step, plan: Plan) -> None:
         step.write(*onward.told)
     if isinstance(onward.stop, NothingLeft):
         raise _not_found(step, f"no window with {step.thing} was found; {_searched(step, onward.stop.why)}")
-    step.plan_flight(*onward.stop)
+    step.plan_flight(*_no_farther(step, onward.stop))
+
+
+def _no_farther(step: Step, stop: NextStop) -> NextStop:
+    """After a way that the guard refused half of the next one, after two a quarter: what reaches into it may stand at
+    its end, and from nearer another way shows."""
+    if not step.state.refusals or not stop.path:
+        return stop
+    here, there, share = point_of(step.pose), stop.path[0], 0.5**step.state.refusals
+    between = Point3(**{axis: a + share * (b - a) for (axis, a), (_, b) in zip(here, there, strict=True)})
+    return NextStop((between,), stop.yaw, f"{stop.why}; {share:.0%} of the way there, after a refusal")
 
 
 def _searched(step: Step, why: str) -> str:

@@ -14,7 +14,7 @@ from navigation.camera import DepthView, Place, Pose, wrap_radians
 from navigation.sensing import read_views
 from navigation.stance import StandOff, Wall, free_way_m, wall_ahead, walls_about
 
-MAX_MOVES = 10
+MAX_MOVES = 14
 SQUARE_RAD = math.radians(10.0)
 FAR_AHEAD_M = 20.0
 """A wall ahead so far off may be another house than the one at whose foot the drone stands."""
@@ -28,6 +28,8 @@ LEAST_MOVE_M = 0.7
 LONGEST_MOVE_M = 8.0
 BODY_M = 0.85
 SHORT_SIGHT_M = 30.0
+ABOVE_LOWEST_M = 0.3
+"""Where a drone sinks from move to move, it keeps so much above what the guard still lets happen."""
 ASIDE_M = (3.0, 5.0, 7.0)
 ASIDE_SLACK_M = 3.0
 """So much farther off than usual is better than under what hangs nearer to the facade."""
@@ -63,7 +65,7 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
         if nearer is not None:
             return nearer
         step.plan_flight((), facing.facing_yaw, "turn square to the facade")
-        return _next(stage, looked_behind=True, first_yaw=None)
+        return _turned(stage, pose)
     goal_m = _goal_m(step, stage, facing)
     moved = None if goal_m is None else _towards(step, stage, views, pose, facing.distance_m, goal_m)
     return moved or _under_open_sky(step, stage, views, pose, facing)
@@ -73,19 +75,19 @@ def _elsewhere(
     step: Step, stage: TakeStand, walls: Sequence[Wall], facing: Wall | None, pose: Pose
 ) -> TakeStand | None:
     """Nothing ahead, or only far off: the building may be aside or behind. Null where what is ahead is the best."""
-    beside = next((wall for wall in walls if _is_beside(wall, pose)), None)
+    beside = None if stage.turned_back else next((wall for wall in walls if _is_beside(wall, pose)), None)
     if beside is None and facing is None and _has_looked_about(stage) and _reach_m(step) > SHORT_SIGHT_M:
         beside = next(iter(walls), None)
     if beside is not None and beside is not facing:
         step.plan_flight((), beside.facing_yaw, "turn to the building")
-        return _next(stage, looked_behind=True, first_yaw=None)
+        return _turned(stage, pose)
     ahead_m = facing.nearest_m if facing is not None else None
     if not stage.looked_behind:
         step.plan_flight((), pose.yaw + math.pi, "no building close ahead: look behind")
         return _next(stage, looked_behind=True, first_yaw=pose.yaw, first_m=ahead_m)
     if stage.first_yaw is not None and (ahead_m is None or (stage.first_m or math.inf) < ahead_m):
         step.plan_flight((), stage.first_yaw, "nothing nearer behind: back to where the drone looked first")
-        return _next(stage, first_yaw=None)
+        return _next(stage, first_yaw=None, turned_back=True)
     return None
 
 
@@ -115,7 +117,7 @@ def _nearer(step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose
     if reach_m > SHORT_SIGHT_M or free_m < LEAST_MOVE_M:
         raise MissionEnd("no_building", "no building stands about the drone, as far as its cameras see")
     _fly(step, free_m, 0.0, None, "no building within the cameras' reach: on ahead")
-    return _next(stage)
+    return _next(stage, turned_back=False)
 
 
 def _goal_m(step: Step, stage: TakeStand, facing: Wall) -> float | None:
@@ -186,7 +188,15 @@ def _remark(step: Step, said: str) -> None:
 
 
 def _fly(step: Step, length_m: float, bearing_deg: float, yaw: float | None, why: str) -> None:
-    step.plan_flight((ahead(step.pose, bearing_deg, length_m),), yaw if yaw is not None else step.pose.yaw, why)
+    place = ahead(step.pose, bearing_deg, length_m)
+    lowest_m = step.drone.vehicle.limits.min_height_m + ABOVE_LOWEST_M
+    path = (place if place.z >= lowest_m else place.model_copy(update={"z": lowest_m}),)
+    step.plan_flight(path, yaw if yaw is not None else step.pose.yaw, why)
+
+
+def _turned(stage: TakeStand, pose: Pose) -> TakeStand:
+    """To what looked like a wall from here; where it turns out to be none, the drone goes back to where it looked."""
+    return _next(stage, looked_behind=True, first_yaw=pose.yaw if stage.first_yaw is None else stage.first_yaw)
 
 
 def _next(stage: TakeStand, **changes: object) -> TakeStand:

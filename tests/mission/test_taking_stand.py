@@ -1,13 +1,16 @@
 """The beginning of a flight: from wherever the drone stands, square before the facade and under open sky."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings
-from contracts.vlm_gateway import FloorCountAnswer
+from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
 from mission.mission import Mission
 from tests.mission.block import Block, StereoBlock
 from tests.mission.block_vehicle import BlockWorld
@@ -92,6 +95,49 @@ async def test_from_what_is_no_building_the_drone_turns_to_where_it_looked_when_
     await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
     away = next(e.data for e in log if e.message.startswith("that is no building"))
     assert away.to.yaw == pytest.approx(began, abs=0.01)
+
+
+@dataclass(frozen=True)
+class Mirage(StereoBlock):
+    """Its neighbour is not there, and does not show for a drone that faces it."""
+
+    def distance(self, x: float, y: float, z: float) -> float:
+        return super(Mirage, replace(self, neighbour=None)).distance(x, y, z)
+
+    def depth_m(self, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+        faced = abs(math.remainder(pose.yaw - math.pi, math.tau)) < math.radians(30.0)
+        block = replace(self, neighbour=None) if faced and self.neighbour is not None else self
+        return super(Mirage, block).depth_m(pose, camera)
+
+
+async def test_from_what_turns_out_to_be_no_wall_the_drone_goes_back_to_where_it_looked_and_on() -> None:
+    log = Events()
+    beside = Block(x0=-12.0, x1=-6.0, y0=-40.0, y1=-30.0, floors=3)
+    start_at = Pose(x=0.0, y=-36.0, z=1.5, yaw=FACING + math.radians(20.0))
+    result = await flown(Mirage(start=start_at, range_m=10.0, neighbour=beside), log)
+    turns = [e.message for e in log.of("turn")]
+    assert turns[:2] == ["turn to the building", "nothing nearer behind: back to where the drone looked first"]
+    assert result.outcome == "delivered"
+
+
+async def test_a_bare_house_as_high_as_may_be_flown_is_left_for_another() -> None:
+    """Behind it, and the building in front out of its sensors' reach."""
+    log = Events()
+    bare = Block(x0=-6.0, x1=6.0, y0=-60.0, y1=-44.0, floors=9)
+    start_at = Pose(x=0.0, y=-36.0, z=1.5, yaw=FACING)
+    world = BlockWorld(StereoBlock(start=start_at, range_m=10.0, neighbour=bare))
+    none = FloorCountAnswer(role="floors", floors=0, **WHO)
+
+    class OnlyItsOwn(BlockVision):
+        async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
+            return await super().floor_count(question) if world.vehicles["e1"].pose.y > -30.0 else none
+
+    result = await Mission(block_ports(world, OnlyItsOwn(world)), block_placement(world), MissionSettings(), log).fly(
+        REQUEST
+    )
+    assert [e for e in log if e.message.startswith("that is no building")]
+    assert result.outcome == "delivered"
+    assert not world.vehicles["e1"].collided
 
 
 async def test_where_no_building_stands_it_says_so() -> None:

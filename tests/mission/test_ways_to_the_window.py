@@ -6,9 +6,9 @@ from itertools import chain, cycle, repeat
 
 import pytest
 
-from contracts.depth_assist import ApproachAnswer, ApproachQuestion
-from contracts.geometry import Box, Point3, Pose
-from contracts.orchestrator import DeliveryResult, MissionSettings
+from contracts.depth_assist import ApproachAnswer, ApproachQuestion, ExploreAnswer, ExploreQuestion
+from contracts.geometry import Box, Point2, Point3, Pose
+from contracts.orchestrator import DeliveryResult, MissionSettings, SearchSettings
 from contracts.vlm_gateway import FindObjectAnswer, Match
 from mission.mission import Mission
 from mission.ports import Ports
@@ -111,6 +111,28 @@ async def test_what_leads_into_a_wall_is_refused_by_the_flight_guard() -> None:
     assert world.ended == ["e1"]
 
 
+class IntoTheWall(LocalDepthAssist):
+    """An explorer that takes the facade for open, until the drone is near it."""
+
+    async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
+        answer = await super().explore(question)
+        if question.pose.y > -12.0:
+            return answer
+        inside = Point2(x=question.pose.x, y=-5.0)
+        return answer.model_copy(update={"status": "move", "stop": inside, "distance_m": -5.0 - question.pose.y})
+
+
+async def test_after_a_refusal_the_search_goes_half_of_a_way_and_looks_again() -> None:
+    world, log = BlockWorld(BEHIND), Events()
+    result = await _flown_with(IntoTheWall(), world, log, SearchSettings(policy="contour"))
+    refused = log.of("refused")
+    halves = [e for e in log.of("move") if "50% of the way" in e.message]
+    assert [e.data.reason for e in refused] == ["clearance"]
+    assert len(halves) == 1
+    assert halves[0].data.path[0].y == pytest.approx((halves[0].data.start.y - 5.0) / 2.0, abs=0.01)
+    assert result.outcome == "delivered"
+
+
 class GlassBlock(Block):
     """A pane stands before the facade that no depth camera sees."""
 
@@ -147,10 +169,12 @@ class StopsAside(LocalDepthAssist):
         return answer.model_copy(update=changed)
 
 
-async def _flown_with(depth: LocalDepthAssist, world: BlockWorld, log: Events) -> DeliveryResult:
+async def _flown_with(
+    depth: LocalDepthAssist, world: BlockWorld, log: Events, search: SearchSettings = PAPER
+) -> DeliveryResult:
     usual = block_ports(world)
     ports = Ports(usual.parser, usual.vision, depth)
-    return await Mission(ports, block_placement(world), MissionSettings(viewpoint=PAPER), log).fly(REQUEST)
+    return await Mission(ports, block_placement(world), MissionSettings(viewpoint=search), log).fly(REQUEST)
 
 
 def _legs(log: Events) -> int:
