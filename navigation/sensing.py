@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView, Pose, pixels_of
+from navigation.camera import Depth, DepthView, Pose, pixels_of
 
 Bools = NDArray[np.bool_]
 
@@ -44,6 +44,9 @@ _SPECK_PX = 3
 _SPECK_SIZE_PX = 16
 _SPECK_STEP_M = 1.0
 """Returns in so small a patch, so far from all about them, are mismatches: a stereo camera's ghosts in the air."""
+_ECHO_SHARE, _ECHO_M = 0.1, 0.15
+"""A lone pixel that is nearer than all eight about it by so much is the echo of a drop: what is solid shows in two."""
+_ABOUT = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
 _NEAREST_M = 0.2
 """Nothing is measured nearer: it would lie within the drone."""
 _UNIT_M = 0.005
@@ -209,14 +212,22 @@ def _within_range(view: DepthView, sensor_range_m: float) -> DepthView:
 
 
 def _without_specks(view: DepthView) -> DepthView:
-    """Of a sensor that has invalid pixels: mismatches are invalid too."""
+    """Of a sensor that has invalid pixels: mismatches and echoes of drops are invalid too."""
     with np.errstate(invalid="ignore"):
-        close = view.depth_m < np.float32(_NEAREST_M)
+        close = (view.depth_m < np.float32(_NEAREST_M)) | _echoes(view.depth_m)
     depth_m = np.where(close, np.float32(np.nan), view.depth_m)
     units = np.nan_to_num(depth_m / np.float32(_UNIT_M), nan=0.0, posinf=32767.0).clip(0.0, 32767.0).astype(np.int16)
     kept = cv2.filterSpeckles(units.copy(), 0, _SPECK_SIZE_PX, round(_SPECK_STEP_M / _UNIT_M))[0]
     specks = (kept == 0) & (units > 0) & np.isfinite(depth_m)
     return view._replace(depth_m=np.where(specks, np.float32(np.nan), depth_m))
+
+
+def _echoes(depth_m: Depth) -> Bools:
+    """(H, W) of depth the lone pixels that something stands behind on all sides."""
+    nearest = cv2.erode(np.where(np.isnan(depth_m), np.float32(np.inf), depth_m), _ABOUT)
+    with np.errstate(invalid="ignore"):
+        found: Bools = depth_m < np.minimum(nearest * np.float32(1.0 - _ECHO_SHARE), nearest - np.float32(_ECHO_M))
+    return found
 
 
 def _opened(view: DepthView, opened: Bools, reach_m: float) -> DepthView:

@@ -30,6 +30,7 @@ BODY_M = 0.85
 SHORT_SIGHT_M = 30.0
 ABOVE_LOWEST_M = 0.3
 """Where a drone sinks from move to move, it keeps so much above what the guard still lets happen."""
+ONWARD_DEG = (0.0, -15.0, 15.0, -30.0, 30.0)
 ASIDE_M = (3.0, 5.0, 7.0)
 ASIDE_SLACK_M = 3.0
 """So much farther off than usual is better than under what hangs nearer to the facade."""
@@ -111,12 +112,15 @@ def _has_looked_about(stage: TakeStand) -> bool:
 
 
 def _nearer(step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose) -> TakeStand:
-    """Nothing within the sensor's reach: where that is short, on along the nose. Raises MissionEnd (no_building)."""
+    """Nothing within the sensor's reach: where that is short, on along the nose, or beside where that is not seen to be
+    free: a hole in the depth straight ahead hides the whole way. Raises MissionEnd (no_building)."""
     reach_m = _reach_m(step)
-    free_m = free_way_m(views, pose.z, 0.0, min(LONGEST_MOVE_M, 0.6 * reach_m), BODY_M)
+    far_m = min(LONGEST_MOVE_M, 0.6 * reach_m)
+    ways = [(free_way_m(views, pose.z, bearing_deg, far_m, BODY_M), bearing_deg) for bearing_deg in ONWARD_DEG]
+    free_m, bearing_deg = next((way for way in ways if way[0] >= far_m), max(ways))
     if reach_m > SHORT_SIGHT_M or free_m < LEAST_MOVE_M:
         raise MissionEnd("no_building", "no building stands about the drone, as far as its cameras see")
-    _fly(step, free_m, 0.0, None, "no building within the cameras' reach: on ahead")
+    _fly(step, free_m, bearing_deg, None, "no building within the cameras' reach: on ahead")
     return _next(stage, turned_back=False)
 
 

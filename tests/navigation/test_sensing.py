@@ -100,6 +100,15 @@ def test_ghosts_in_an_invalid_sky_are_no_returns_and_a_pole_is_one() -> None:
     assert np.isnan(view.depth_m[0, 70])
 
 
+def test_an_echo_of_a_drop_is_no_return_and_a_wire_is_one() -> None:
+    street = _street()
+    street.depth_m[60, 50] = 7.0  # a drop that is less before the wall than a mismatch in the air would be
+    street.depth_m[70, 40:80] = 6.5  # a wire of one pixel's width
+    (view,) = read_views([street])
+    assert np.isnan(view.depth_m[60, 50])
+    assert (view.depth_m[70, 40:80] == 6.5).all()
+
+
 def test_depth_on_the_wire_is_read_by_the_same_rule() -> None:
     street = _street()
     units = np.nan_to_num(street.depth_m / 0.002, nan=0.0).astype(np.uint16)
