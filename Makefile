@@ -9,7 +9,7 @@ BACKEND ?= embedded
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
-.PHONY: help setup demo samples test test-slow test-browser test-train test-carla test-rtsp test-s3 test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
+.PHONY: help setup demo samples test test-slow test-documents test-browser test-train test-carla test-rtsp test-s3 test-clients test-export test-small-model test-real-server check format schema docs configuration load bench-sim bench-model train train-parser expert clean
 
 help:  ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-12s %s\n", $$1, $$2}'
@@ -17,7 +17,7 @@ help:  ## list the targets
 setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (system packages included)
 
 .venv/.ready: pyproject.toml uv.lock scripts/system_packages.sh
-	@test -n "$(PYTHON)" || { echo "no python3 found: install Debian's python3 (3.11 or 3.12)" >&2; exit 1; }
+	@test -n "$(PYTHON)" || { echo "no python3 found: install Debian's python3 (3.11)" >&2; exit 1; }
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if (3, 11) <= v[:2] <= (3, 12) else "Python 3.11 or 3.12 is needed; $(PYTHON) is %d.%d" % v[:2])'
 	@scripts/system_packages.sh "python3-venv=$(PYTHON) -m ensurepip --version"
 	@scripts/system_packages.sh --optional \
@@ -44,6 +44,9 @@ test: check .venv/.servers  ## lint, format, types, and the tests, on up to four
 
 test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
+
+test-documents: setup .venv/.servers  ## the commands of all documents, as they stand, one document after the other (half an hour)
+	@$(BIN)/python -m pytest -m documents --timeout 1800 tests/documented
 
 test-browser: setup .venv/.servers  ## the pages in a real browser; their screenshots anew: make test-browser SCREENSHOTS=docs
 	@SCREENSHOTS=$(SCREENSHOTS) $(BIN)/python -m pytest -m "browser or not browser" tests/orchestrator/viewer

@@ -31,7 +31,7 @@ from service_kit.settings import BadSetting, process_environment, secret
 ENOUGH_DISK_BYTES = 1 << 30
 NOT_FOR_FLYING = ("all", "carla", "eval", "lerobot", "mcap", "otel", "rerun", "train")
 """Extras of the project that no service and no flight needs; `all` holds others besides."""
-INSTALL = "`make setup`, or `pip install 'logisticsvln[all]'` in an environment of your own"
+INSTALL = "`make setup`, or `pip install '.[all]'` in the repository's folder, into an environment of your own"
 CALIBRATION = "services.vlm_gateway.calibration"
 GL_PROBE = """
 import moderngl
@@ -89,7 +89,7 @@ def examine(environment: Mapping[str, str], runs: Path) -> list[Finding]:
 def _python() -> Finding:
     version = ".".join(str(part) for part in sys.version_info[:3])
     good = (3, 11) <= sys.version_info[:2] <= (3, 12)
-    return Finding("Python", good, version, "" if good else "use Python 3.11 or 3.12, then `make setup`")
+    return Finding("Python", good, version, "" if good else "use Python 3.11, then `make setup`")
 
 
 def _packages() -> Finding:

@@ -10,7 +10,7 @@ from contracts.depth_assist import ApproachSettings
 from contracts.flight_limits import FlightLimits
 from contracts.geometry import Pose
 from contracts.scene import Scene
-from contracts.sensor_profiles import SensorFault, Sensors, sensors_by_name
+from contracts.sensor_profiles import SensorFault, SensorsOrName
 from contracts.sim import Flight, Verdict
 
 OutcomeName = Literal[
@@ -78,6 +78,9 @@ def _rig_by_name(given: object) -> object:
     return shipped_rig(given) if isinstance(given, str) else given
 
 
+RigOrName = Annotated[Rig, BeforeValidator(_rig_by_name, json_schema_input_type=Rig | Name)]
+
+
 class MissionSettings(Wire):
     """Every free constant of a mission, recorded with its result. Null models mean the gateway's default per role.
     `rig`: the cameras of a simulated drone, as a document or by a shipped rig's name; `image_size`: the longer side of
@@ -100,10 +103,10 @@ class MissionSettings(Wire):
     take_off_height_m: Metres = 1.5
     fallback_turn_deg: float = Field(default=30.0, ge=1.0, le=180.0)
     max_model_failures: int = Field(default=3, ge=0, le=20)
-    rig: Annotated[Rig, BeforeValidator(_rig_by_name)] = Field(default_factory=default_rig)
+    rig: RigOrName = Field(default_factory=default_rig)
     image_size: int | None = Field(default=None, ge=64, le=1600)
     limits: FlightLimits | None = None
-    sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
+    sensors: SensorsOrName = None
     faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
 

@@ -7,7 +7,7 @@ range. Only the `ideal` principle can tell the second from the first: a real cam
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from contracts.base import Name, Unit, Wire
 from contracts.toml_documents import Kind
@@ -166,9 +166,15 @@ def load_sensors(name_or_file: str) -> Sensors:
     return _PROFILES.load(name_or_file, _sensors)
 
 
-def sensors_by_name(given: object) -> object:
+def _sensors_by_name(given: object) -> object:
     """For a wire: a shipped profile's name stands for it. Raises ValueError for a name that none has."""
     return shipped_sensors(given) if isinstance(given, str) else given
+
+
+SensorsOrName = Annotated[
+    Sensors | None, BeforeValidator(_sensors_by_name, json_schema_input_type=Sensors | Name | None)
+]
+"""As a document, or by the name of a shipped profile."""
 
 
 def _sensors(document: dict[str, Any]) -> Sensors:

@@ -14,15 +14,15 @@ Whoever flies an episode holds it by a lease: every call on it renews the lease,
 a model thinks, `renew` does. An episode whose lease has run out is ended.
 """
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from contracts.base import Name, Wire
 from contracts.cameras import MAX_CAMERAS, Camera, Rig, default_rig
 from contracts.geometry import Box, Point3, Pose
 from contracts.scene import Scene
-from contracts.sensor_profiles import DEFAULT_SENSORS, SensorFault, Sensors, sensors_by_name, shipped_sensors
+from contracts.sensor_profiles import DEFAULT_SENSORS, SensorFault, Sensors, SensorsOrName, shipped_sensors
 from contracts.vehicle import VehicleState
 
 Renderer = Literal["moderngl", "tiny", "carla"]
@@ -74,7 +74,7 @@ class EpisodeQuestion(EpisodeTerms):
     scene: Scene
     flight: Flight = Flight()
     rig: Rig = Field(default_factory=default_rig)
-    sensors: Annotated[Sensors | None, BeforeValidator(sensors_by_name)] = None
+    sensors: SensorsOrName = None
     seed: int = Field(default=0, ge=0, le=2**31 - 1)
     faults: tuple[SensorFault, ...] = Field(default=(), max_length=16)
     own_request: bool = Field(default=False, exclude_if=lambda own: not own)

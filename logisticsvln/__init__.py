@@ -155,7 +155,7 @@ def __getattr__(name: str) -> Any:
         value = getattr(importlib.import_module(_WHERE[name]), name)
     except ModuleNotFoundError as error:
         raise ImportError(
-            f"logisticsvln.{name} needs {error.name}, which is not installed: pip install 'logisticsvln[all]'"
+            f"logisticsvln.{name} needs {error.name}, which is not installed: pip install '.[all]' from the repository"
         ) from error
     globals()[name] = value
     return value

@@ -99,7 +99,7 @@ def _writer(name: FormatName) -> Callable[[Path, Path], EpisodeWriter]:
     except ModuleNotFoundError as error:
         raise CannotExport(
             f"the format {name} needs the package {error.name}: `.venv/bin/uv sync --extra all --extra {form.extra}`, "
-            f"or pip install 'logisticsvln[{form.extra}]'"
+            f"or pip install '.[{form.extra}]' in the repository's folder"
         ) from None
     make: Callable[[Path, Path], EpisodeWriter] = getattr(module, form.writer)
     return make

@@ -195,7 +195,7 @@ class CarlaClient:
             import carla
         except ImportError as error:
             raise Unavailable(
-                f"the package carla can't be imported ({error}); install the extra: pip install 'logisticsvln[carla]'",
+                f"the package carla can't be imported ({error}); install the extra: pip install '.[carla]'",
                 code="carla_missing",
             ) from None
         client = carla.Client(self.server.host, self.server.port)

@@ -9,8 +9,9 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
+
+from services.sim.bullet import pybullet
 
 
 class _Rows:

@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from typing import NamedTuple
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
+from services.sim.bullet import pybullet
 from services.sim.wind import DT_S, Gusts
 
 Floats = NDArray[np.float64]

@@ -9,12 +9,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from episode_kit.judge import Hit
 from episode_kit.kinematics import Vector
 from episode_kit.trajectory import Sweep
+from services.sim.bullet import pybullet
 from services.sim.geometry.scene_mesh import Solid
 from services.sim.physics_meshes import collision_mesh
 

@@ -48,4 +48,4 @@ def test_a_library_that_is_not_installed_is_named_with_the_way_to_it() -> None:
         "except ImportError as error:\n    print(error)"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert said == "logisticsvln.Client needs httpx, which is not installed: pip install 'logisticsvln[all]'\n"
+    assert said == "logisticsvln.Client needs httpx, which is not installed: pip install '.[all]' from the repository\n"

@@ -13,12 +13,12 @@ from typing import Literal
 
 import cv2
 import numpy as np
-import pybullet
 from numpy.typing import NDArray
 
 from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
+from services.sim.bullet import pybullet
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.physics_meshes import visual_mesh
