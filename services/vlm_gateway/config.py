@@ -295,5 +295,5 @@ def _keys_beside(document: Mapping[str, Any], place: list[str]) -> list[str]:
         "oracle": OracleModelConfig,
         "chat": ChatModelConfig,
     }
-    fields = variants[document["models"][place[1]]["backend"]].model_fields
+    fields = variants.get(document["models"][place[1]]["backend"], ExtensionModelConfig).model_fields
     return [field.alias or name for name, field in fields.items()]

@@ -1,5 +1,8 @@
 """A vision back end from a package outside the tree, in the gateway's own process."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -69,3 +72,12 @@ def test_options_that_it_does_not_know_are_told_when_it_is_asked(extras: Path, t
         answer = post(gateway.url, "/v1/find-object", find_body(model="mine"))
         assert answer.status_code == 503
         assert "models.mine.options" in answer.json()["error"]["message"]
+
+
+def test_a_key_that_it_has_not_is_told_with_those_there_are(extras: Path, tmp_path: Path) -> None:
+    environment = os.environ | settings(extras, tmp_path, '[models.mine]\nbackend = "colour"\nmin_share = 0.5\n')
+    gateway = [sys.executable, "-m", "services.vlm_gateway"]
+    ended = subprocess.run(gateway, env=environment, capture_output=True, text=True, timeout=120)
+    assert ended.returncode != 0
+    assert "models.mine.min_share: no such key; there are backend, options" in ended.stderr
+    assert "Traceback" not in ended.stderr
