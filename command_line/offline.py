@@ -178,13 +178,11 @@ def _ask_person(questions: list[RecordedQuestion], file: AnswerFile, console: Co
     if not file.pending(questions):
         return
     port = free_ports(("vlm_gateway",))["vlm_gateway"]
-    console.print(
-        f"{len(file.pending(questions))} questions for a person at http://127.0.0.1:{port}/ (Ctrl-C: go on later)",
-        highlight=False,
-    )
+    left = counted(len(file.pending(questions)), "question")
+    console.print(f"{left} for a person at http://127.0.0.1:{port}/ (Ctrl-C: go on later)", highlight=False)
     asyncio.run(interruptible(serve_desk(port, questions, file)))
-    if left := len(file.pending(questions)):
-        stop(f"the page was closed with {left} questions left; the same command goes on", INTERRUPTED)
+    if pending := len(file.pending(questions)):
+        stop(f"the page was closed with {counted(pending, 'question')} left; the same command goes on", INTERRUPTED)
 
 
 def _stop_of(group: ExceptionGroup[Exception]) -> NoReturn:
@@ -197,7 +195,7 @@ def _stop_of(group: ExceptionGroup[Exception]) -> NoReturn:
 def print_offline(console: Console, summary: OfflineSummary, out: Path) -> None:
     """Of each kind of question what each took, and the agreement of each with each."""
     for kind, count in summary.questions.items():
-        taken = Table(box=None, padding=(0, 1), title=f"{kind}: {count} questions", title_justify="left")
+        taken = Table(box=None, padding=(0, 1), title=f"{kind}: {counted(count, 'question')}", title_justify="left")
         for head in ("", "answered", "declined", "unreadable", "p50 s", "p95 s", "tokens", "US $"):
             taken.add_column(head, no_wrap=True)
         for who, figures in summary.figures[kind].items():
