@@ -11,16 +11,12 @@ from typing import Literal, NamedTuple
 
 _COUNT_TOLERANCE = 1e-6
 """Counts with fractions don't add up to whole floors exactly."""
-
 _SAME_ROW_FLOORS = 0.3
 """Two window rows nearer than this share of a floor are one; real ones lie a whole floor apart."""
-
 _HIDDEN_FLOORS = 1.25
 """A row of windows is about half a floor above its own floor; a tall ground floor's is not this far up."""
-
 _STRETCHED = 1.5
 """Eq. 3's floors so many times as high as the rows stand apart are no floors."""
-
 LEAST_FLOOR_M = 2.2
 """No floor that people live on is lower."""
 
@@ -242,11 +238,11 @@ def corrected(
 ) -> FinalHeight:
     """Eq. 3's height held against the window row of the wanted floor, where the model says where it saw its floors.
 
-    Eq. 3 stretches the floors over everything upright: the gable above the topmost floor counts as a part of it. A
-    window row that lies more than `row_trust_floors` of the rows' own spacing away from eq. 3's height is believed
-    instead, unless it is a whole floor off: then the rows are no better, but where they begin at the ground and stand
-    much closer than eq. 3's floors: then its band reaches into a sky that the sensor did not tell from wall. Unchanged
-    where the rows are not the counted floors or too few to tell a floor's height from.
+    Eq. 3 stretches the floors over everything upright: a gable counts as a part of the topmost one. A window row that
+    lies more than `row_trust_floors` of the rows' own spacing away from eq. 3's height is believed instead, unless it
+    is a whole floor off: then the rows are no better, but where they begin at the ground and stand much closer than
+    eq. 3's floors: then its band reaches into a sky that the sensor did not tell from wall. Unchanged where the rows
+    are not the counted floors or too few to tell a floor's height from.
     """
     at = round(final.floors_counted) - target_floor  # rows begin at the topmost floor of this picture
     floor_height = seen.spacing_m

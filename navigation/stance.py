@@ -28,6 +28,8 @@ _LEAST_LENGTH_M = 2.0
 _MOST_ACROSS = 0.075
 """Tree crowns are round: points scatter across a wall by at most 0.053 of its length, across a crown
 by 0.1 and more (40 streets)."""
+_CROWN_M = 5.0
+"""No crown shows wider; what scatters so and is longer goes round a corner."""
 _TALL_FROM_M, _TALL_TO_M = 1.9, 2.9
 """Cars and hedges end below this height, the walls of the lowest house above."""
 _TALL_SHARE = 0.4
@@ -127,11 +129,11 @@ def _wall(scan: Scan, members: NDArray[np.intp], normal: Floats) -> Wall:
 
 
 def _is_flat(scan: Scan, members: NDArray[np.intp]) -> bool:
-    """Does it keep to a straight line, as a wall does and a tree does not?"""
+    """Does it keep to a straight line, or go on for long, as walls do and trees do not?"""
     points = scan.points(scan.range_m)[members]
     across, along = np.sqrt(np.linalg.eigvalsh(np.cov(points.T)))
     length = along * math.sqrt(12.0)  # of a line that is evenly filled
-    return bool(across <= _MOST_ACROSS * length)
+    return bool(across <= _MOST_ACROSS * length or length > _CROWN_M)
 
 
 def _tall_cells(points: Points) -> set[tuple[int, int]]:

@@ -101,9 +101,10 @@ def _is_no_building(step: Step, wall: Wall) -> bool:
 
 
 def _is_beside(wall: Wall, pose: Pose) -> bool:
-    """Does it stand at the drone's side, near enough and long enough for a house at whose foot the drone may be?"""
+    """Does it stand at the drone's side, near enough and long enough for a house at whose foot the drone may be? Past
+    the end of one that it is square to already there is nothing to turn to."""
     off_rad = abs(wrap_radians(wall.facing_yaw - pose.yaw))
-    return wall.nearest_m <= AT_FOOT_M and wall.length_m >= BESIDE_LENGTH_M and off_rad <= BESIDE_RAD
+    return wall.nearest_m <= AT_FOOT_M and wall.length_m >= BESIDE_LENGTH_M and SQUARE_RAD < off_rad <= BESIDE_RAD
 
 
 def _has_looked_about(stage: TakeStand) -> bool:

@@ -120,6 +120,15 @@ async def test_from_what_turns_out_to_be_no_wall_the_drone_goes_back_to_where_it
     assert result.outcome == "delivered"
 
 
+async def test_past_the_end_of_a_wall_that_it_is_square_to_the_drone_flies_on() -> None:
+    log = Events()
+    wing = Block(x0=-20.0, x1=-4.5, y0=-29.0, y1=-24.0, floors=3)
+    start_at = Pose(x=0.0, y=-36.0, z=1.5, yaw=FACING)
+    result = await flown(StereoBlock(start=start_at, range_m=10.0, neighbour=wing), log)
+    assert result.outcome == "delivered"
+    assert sum(e.message == "turn to the building" for e in log.of("turn")) <= 2
+
+
 async def test_a_bare_house_as_high_as_may_be_flown_is_left_for_another() -> None:
     """Behind it, and the building in front out of its sensors' reach."""
     log = Events()
