@@ -13,7 +13,7 @@ from pathlib import Path
 
 from services.llm_parser.reader.model import SPELLING, About, Thresholds
 from training.parser import vocabulary
-from training.parser.measure import calibrated, card, examine, read_examined
+from training.parser.measure import MOST_WRONG, calibrated, card, examine, read_examined
 
 REQUESTS = Path(__file__).with_name("requests")
 BASE = Path(".cache/parser-base")
@@ -38,6 +38,12 @@ def main(arguments: Sequence[str]) -> int:
     measuring.add_argument("folders", nargs="+", type=Path)
     measuring.add_argument("--card", type=Path)
     measuring.add_argument("--plot", type=Path, help="a picture of the first folder's losses and of all figures")
+    measuring.add_argument(
+        "--chosen-on", nargs="+", default=[], metavar="AUTHOR", help="whose requests alone choose the thresholds"
+    )
+    measuring.add_argument(
+        "--most-wrong", type=float, default=MOST_WRONG, help="the share of them that may be silently wrong"
+    )
     measuring.add_argument("--set", type=Path, dest="target", help="the exported folder whose about.json is completed")
     chosen = parser.parse_args(arguments)
     try:
@@ -113,7 +119,7 @@ def measured(folder: Path) -> About:
 def set_thresholds(chosen: argparse.Namespace) -> None:
     """Pools what left-out authors were read as; prints it, and writes thresholds into the shipped folder."""
     examined = [e for folder in chosen.folders for e in read_examined(folder / FIGURES)]
-    found = calibrated(examined)
+    found = calibrated(examined, chosen.chosen_on, chosen.most_wrong)
     text = card(examined, found)
     _say(text)
     if chosen.card is not None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from services.llm_parser.reader.decode import content
 from services.llm_parser.reader.floors import ONE_OPERATIONS, PAIR_OPERATIONS, Reading, readings
 from services.llm_parser.reader.mentions import CARDINALS, ORDINALS, Mention, find_mentions
 from training.parser import phrases
@@ -45,6 +46,8 @@ class Augmenter:
             row = self._other_object(row)
         if g.random() < 0.12:
             row = self._without_a_sentence(row)
+        if g.random() < 0.06:
+            row = _without_its_object(row)
         while g.random() < 0.22:
             row = self._with(row, str(g.choice(self._fillers)).strip())
         while g.random() < 0.2:
@@ -182,6 +185,24 @@ class Augmenter:
                 new = word[:at] + word[at] + word[at:]
             row = row.replaced(Span(m.start(), m.end()), new)
         return row
+
+
+def _without_its_object(row: Row) -> Row:
+    """The request without the one sentence that names its object, where that sentence says nothing else."""
+    if row.object is None or row.relation is not None or not row.object_spans or row.tags & _ARITHMETIC:
+        return row
+    pieces = [Span(m.start(), m.end()) for m in _SENTENCE.finditer(row.text)]
+    holding = [p for p in pieces if any(s.start < p.end and p.start < s.end for s in row.object_spans)]
+    if len(pieces) < 2 or len(holding) != 1:
+        return row
+    (piece,) = holding
+    if any(s.start < piece.end and piece.start < s.end for s in row.floor_spans):
+        return row
+    named = content(" ".join(_words_of(row, s) for s in row.object_spans))
+    rest = row.replaced(piece, "")
+    if not rest.text.strip() or named & content(rest.text):
+        return row
+    return replace(rest, object=None, also_ok=(), object_spans=(), tags=row.tags | {"missing_object"})
 
 
 def _plainness(reading: Reading, mentions: Sequence[Mention]) -> int:

@@ -93,18 +93,24 @@ def outcomes(examined: Sequence[Examined], found: Calibrated) -> Outcomes:
     return _outcomes(_columns(examined, found.calibration), found.thresholds)
 
 
-def calibrated(examined: Sequence[Examined]) -> Calibrated:
+def calibrated(
+    examined: Sequence[Examined], chosen_on: Sequence[str] = (), most_wrong: float = MOST_WRONG
+) -> Calibrated:
     """Probabilities that mean what they say, and the thresholds with the most right ones among those that leave at most
-    `MOST_WRONG` silently wrong."""
+    `most_wrong` silently wrong; of these authors' requests alone where some are named. Raises ValueError where there
+    are no such thresholds, or no requests of such an author."""
     calibration = Calibrations(
         floor=_platt([e.floor_probability for e in examined], [e.floor_right for e in examined]),
         object=_platt([e.object_probability for e in examined], [e.object_right for e in examined]),
     )
-    columns = _columns(examined, calibration)
+    unknown = sorted(set(chosen_on) - {e.author for e in examined})
+    if unknown:
+        raise ValueError(f"no requests of {', '.join(unknown)} were examined")
+    columns = _columns([e for e in examined if not chosen_on or e.author in chosen_on], calibration)
     tried = [Thresholds(floor=floor, object=thing) for floor in GRID for thing in GRID]
-    few = [(found.right, t) for t in tried if (found := _outcomes(columns, t)).wrong <= MOST_WRONG]
+    few = [(found.right, t) for t in tried if (found := _outcomes(columns, t)).wrong <= most_wrong]
     if not few:
-        raise ValueError(f"no thresholds leave at most {100 * MOST_WRONG:g} % silently wrong")
+        raise ValueError(f"no thresholds leave at most {100 * most_wrong:g} % silently wrong")
     return Calibrated(calibration, max(few, key=lambda pair: pair[0])[1])
 
 
@@ -160,8 +166,7 @@ def card(examined: Sequence[Examined], found: Calibrated) -> str:
     lines = [
         "# The reader of requests, on authors that it was not trained on",
         "",
-        f"Thresholds: floor {thresholds.floor:g}, object {thresholds.object:g}; at most {100 * MOST_WRONG:g} % of all "
-        "requests below were to be silently wrong. Right / asks / silently wrong, in %.",
+        f"Thresholds: floor {thresholds.floor:g}, object {thresholds.object:g}. Right / asks / silently wrong, in %.",
         "",
         "| author | requests | raw | behind the thresholds | floor right | object right |",
         "|---|---|---|---|---|---|",

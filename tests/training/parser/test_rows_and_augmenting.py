@@ -25,7 +25,7 @@ def rows() -> list[Row]:
 
 
 def test_every_request_is_labelled_within_its_own_text(rows: list[Row]) -> None:
-    assert len(rows) == 9082
+    assert len(rows) == 12454
     for row in rows:
         assert all(0 <= s.start < s.end <= len(row.text) for s in row.labelled), row.text
 
@@ -73,6 +73,20 @@ def test_thresholds_leave_few_silent_errors() -> None:
     assert outcomes(examined, asking_nothing).wrong == pytest.approx(0.1)
     assert outcomes(examined, found) == pytest.approx((0.9, 0.1, 0.0))
     assert "| all | 100 |" in card(examined, found)
+
+
+def test_thresholds_are_chosen_on_the_authors_that_are_named() -> None:
+    def one(author: str, probability: float, right: bool) -> Examined:
+        return Examined(
+            author=author, tags=(), text="", floor=1, floor_probability=probability, floor_right=right, object="pot",
+            object_probability=1.0, object_right=True,
+        )  # fmt: skip
+
+    fair, hard = [one("fair", 0.7, True)] * 100, [one("hard", 0.7, False)] * 100
+    assert outcomes(fair, calibrated([*fair, *hard], ["fair"])) == pytest.approx((1.0, 0.0, 0.0))
+    assert outcomes(fair, calibrated([*fair, *hard])) == pytest.approx((0.0, 1.0, 0.0))
+    with pytest.raises(ValueError, match="no requests of nobody were examined"):
+        calibrated(fair, ["nobody"])
 
 
 def test_a_calibrated_probability_is_the_share_that_is_right() -> None:
