@@ -91,7 +91,8 @@ def problem_of_module(module: str, words: list[str]) -> str | None:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [module, *words])
-        patch.delitem(sys.modules, module, raising=False)  # another one may have imported it
+        for imported in (module, f"{module}.__main__"):  # another test may have
+            patch.delitem(sys.modules, imported, raising=False)
         patch.setattr(argparse.ArgumentParser, "parse_args", read_and_stop)
         patch.setattr(argparse.ArgumentParser, "error", refuse)
         try:
