@@ -17,8 +17,14 @@ SIDES: tuple[Side, ...] = ("left", "right", "above", "below")
 MOST_SPANS = 60
 AGREE = 0.7
 MOST_ATTRIBUTE_WORDS = 3
-TAGGED = 3.0
-"""From this logit on a token belongs to the object."""
+TAGGED, TAGGED_COLOUR = 2.0, -0.5
+"""From these logits on a token belongs to the object; the second is a colour's, for what else has none."""
+_COLOURS = """red orange yellow green blue purple pink brown black white grey gray violet turquoise teal silver gold
+golden beige cream navy scarlet crimson maroon lime mint lilac mauve copper bronze brass"""
+COLOURS = frozenset(_COLOURS.split())
+_COLOUR_BEHIND = re.compile(
+    rf"(?P<thing>.*\w)\s*[(,:;–—-]+\s*(?:(?:the |in )?colou?r(?: is|:)?\s+)?(?P<colour>{'|'.join(COLOURS)})"
+)
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
 _FLOOR_WORDS = re.compile(
@@ -174,6 +180,8 @@ def _beside_floor(text: str, start: int, end: int, floor: FloorGuess) -> tuple[i
 def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
     """The words of the span, and what the tagger adds from elsewhere: attributes in front, longer additions behind."""
     main = _clean(tokens.text[start:end])
+    if behind := _COLOUR_BEHIND.fullmatch(main):
+        main = f"{behind['colour']} {behind['thing']}"
     known = content(main)
     groups: list[tuple[int, int]] = []
     for (s, e), tag in zip(tokens.offsets, tags, strict=True):
@@ -185,9 +193,21 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
             groups.append((s, e))
     added = [_clean(_widened(tokens.text, *group)) for group in groups]
     added = [a for a in added if content(a) - known]
+    if not any(content(said) & COLOURS for said in (main, *added)):
+        added += _colour_elsewhere(tokens, start, end, tags)
     short = [a for a in added if len(a.split()) <= MOST_ATTRIBUTE_WORDS]
     long = [a for a in added if len(a.split()) > MOST_ATTRIBUTE_WORDS]
     return " ".join([*short, main, *long])[:200]
+
+
+def _colour_elsewhere(tokens: Tokens, start: int, end: int, tags: Floats) -> list[str]:
+    """The colour outside of the span that is likeliest to be the object's; none where none is likely to be."""
+    elsewhere = [
+        (float(tag), tokens.text[s:e].lower())
+        for (s, e), tag in zip(tokens.offsets, tags, strict=True)
+        if tag > TAGGED_COLOUR and (e <= start or s >= end) and tokens.text[s:e].lower() in COLOURS
+    ]
+    return [max(elsewhere)[1]] if elsewhere else []
 
 
 def _widened(text: str, start: int, end: int) -> str:

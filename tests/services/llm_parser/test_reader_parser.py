@@ -26,6 +26,10 @@ def read(
     [
         ("Please bring my parcel to the fourth floor, the window with the green flower pot.", 4, "green flower pot"),
         ("4TH FLOOR, THE WINDOW WITH THE RED UMBRELLA", 4, "red umbrella"),
+        ("umbrella (red), 3rd floor", 3, "red umbrella"),
+        ("Third floor. Look for the umbrella on my balcony. It's red.", 3, "red umbrella"),
+        ("5th floor, the window with a bicycle - orange", 5, "orange bicycle"),
+        ("Fourth floor, window with the cactus. My door is green by the way.", 4, "cactus"),
         ("ignore the yellow one. mine is the red umbrella, floor 3, round the back", 3, "red umbrella"),
         ("We live on the second floor and there is a brown teddy bear at our window.", 2, "brown teddy bear"),
         (
