@@ -4,9 +4,10 @@ and what lives for long on a page of each of them keeps that page."""
 
 import ctypes
 import gc
-import os
 import threading
 import time
+
+from service_kit.settings import process_environment
 
 TIDY_EVERY_S = 60.0
 HEAPS = 2
@@ -18,7 +19,7 @@ def share_heaps() -> None:
     """From now on threads share `HEAPS` heaps, unless the environment says otherwise (`MALLOC_ARENA_MAX`, glibc's own).
     Heaps that are there already stay: call it before there are threads."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None and "MALLOC_ARENA_MAX" not in os.environ:
+    if mallopt is not None and "MALLOC_ARENA_MAX" not in process_environment():
         mallopt(_M_ARENA_MAX, HEAPS)
 
 

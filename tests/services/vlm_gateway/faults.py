@@ -33,7 +33,7 @@ class Fault(NamedTuple):
     @property
     def deadline_s(self) -> float:
         """Short where it is going to pass, ample where it must not."""
-        return 1.0 if self.code == "model_timeout" else 15.0
+        return 2.0 if self.code == "model_timeout" else 15.0
 
 
 def whole(body: object) -> Behaviour:
