@@ -34,6 +34,7 @@ _NEARER_M = 0.5
 _SAME_WALL_M = 1.5
 _LEAST_WALL = 0.15
 """Of a column: the ground in front of the wall fills less at any one distance."""
+_MOSTLY_WALL = 0.4
 _LEAST_WIDTH = 0.1
 """Of the picture: a narrower stretch is a post or a tree."""
 
@@ -114,14 +115,16 @@ def wall_columns(view: DepthView, stand_off: float) -> tuple[int, int] | None:
 
 
 def _between_walls(view: DepthView, stand_off: float, settings: FacadeParameters) -> NDArray[np.bool_]:
-    """(H,) the rows in which the facade goes on at both sides of the middle: nothing there is glass, not sky."""
+    """(H,) the rows in which the facade goes on close by at both sides of the middle: nothing there is glass, not sky.
+    A pane ends so near to the middle; a low house between higher ones, broader than twice the middle, does not."""
     with np.errstate(invalid="ignore"):
         on_wall = np.abs(view.depth_m - np.float32(stand_off)) <= _SAME_WALL_M
     middle = _middle_columns(view, settings)
-    sides = (on_wall[:, : middle.start], on_wall[:, middle.stop :])
+    width = max(1, (middle.stop - middle.start) // 2)
+    sides = (on_wall[:, max(0, middle.start - width) : middle.start], on_wall[:, middle.stop : middle.stop + width])
     if not all(side.shape[1] for side in sides):
         return np.zeros(len(on_wall), np.bool_)
-    left, right = (side.mean(axis=1) >= _LEAST_WALL for side in sides)
+    left, right = (side.mean(axis=1) >= _MOSTLY_WALL for side in sides)
     both: NDArray[np.bool_] = left & right
     return both
 

@@ -252,7 +252,8 @@ def corrected(
     off = abs(height - final.height_m)
     if floor_height <= 0.0 or off <= settings.row_trust_floors * floor_height:
         return final
-    stretched = final.floor_height_m > _STRETCHED * floor_height and seen.height_m(-1) < floor_height
+    stretched = final.floor_height_m > _STRETCHED * floor_height and 0.0 <= seen.height_m(-1) < floor_height
+    stretched = stretched and floor_height >= LEAST_FLOOR_M
     if off >= final.floor_height_m and not stretched:
         return final
     return FinalHeight(max(settings.min_height_m, height), floor_height, final.floors_counted)

@@ -46,6 +46,8 @@ _SPECK_STEP_M = 1.0
 """Returns in so small a patch, so far from all about them, are mismatches: a stereo camera's ghosts in the air."""
 _ECHO_SHARE, _ECHO_M = 0.1, 0.15
 """A lone pixel that is nearer than all eight about it by so much is the echo of a drop: what is solid shows in two."""
+_DROP_M = 0.05
+"""Where a pixel is wider than this, it does not, and a lone one is kept."""
 _ABOUT = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], np.uint8)
 _NEAREST_M = 0.2
 """Nothing is measured nearer: it would lie within the drone."""
@@ -214,7 +216,8 @@ def _within_range(view: DepthView, sensor_range_m: float) -> DepthView:
 def _without_specks(view: DepthView) -> DepthView:
     """Of a sensor that has invalid pixels: mismatches and echoes of drops are invalid too."""
     with np.errstate(invalid="ignore"):
-        close = (view.depth_m < np.float32(_NEAREST_M)) | _echoes(view.depth_m)
+        fine = view.depth_m < np.float32(_DROP_M * view.camera.fx_px)
+        close = (view.depth_m < np.float32(_NEAREST_M)) | (_echoes(view.depth_m) & fine)
     depth_m = np.where(close, np.float32(np.nan), view.depth_m)
     units = np.nan_to_num(depth_m / np.float32(_UNIT_M), nan=0.0, posinf=32767.0).clip(0.0, 32767.0).astype(np.int16)
     kept = cv2.filterSpeckles(units.copy(), 0, _SPECK_SIZE_PX, round(_SPECK_STEP_M / _UNIT_M))[0]

@@ -131,7 +131,7 @@ def _wall(scan: Scan, members: NDArray[np.intp], normal: Floats) -> Wall:
 def _is_flat(scan: Scan, members: NDArray[np.intp]) -> bool:
     """Does it keep to a straight line, or go on for long, as walls do and trees do not?"""
     points = scan.points(scan.range_m)[members]
-    across, along = np.sqrt(np.linalg.eigvalsh(np.cov(points.T)))
+    across, along = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(points.T)), 0.0))
     length = along * math.sqrt(12.0)  # of a line that is evenly filled
     return bool(across <= _MOST_ACROSS * length or length > _CROWN_M)
 

@@ -1,5 +1,6 @@
 """The beginning of a flight that can be trusted: find the building, stand square before it, neither too near nor too
-far, where nothing hangs over the drone. No model is asked; every flight of it is short, level and seen to be free."""
+far, where nothing hangs over the drone. No model is asked; every flight of it is short, seen to be free, and level or
+up to the least height."""
 
 import math
 from collections.abc import Sequence
@@ -88,7 +89,7 @@ def _elsewhere(
         return _next(stage, looked_behind=True, first_yaw=pose.yaw, first_m=ahead_m)
     if stage.first_yaw is not None and (ahead_m is None or (stage.first_m or math.inf) < ahead_m):
         step.plan_flight((), stage.first_yaw, "nothing nearer behind: back to where the drone looked first")
-        return _next(stage, first_yaw=None, turned_back=True)
+        return _next(stage, first_yaw=None, first_m=None, turned_back=True)
     return None
 
 
@@ -118,7 +119,7 @@ def _nearer(step: Step, stage: TakeStand, views: Sequence[DepthView], pose: Pose
     reach_m = _reach_m(step)
     far_m = min(LONGEST_MOVE_M, 0.6 * reach_m)
     ways = [(free_way_m(views, pose.z, bearing_deg, far_m, BODY_M), bearing_deg) for bearing_deg in ONWARD_DEG]
-    free_m, bearing_deg = next((way for way in ways if way[0] >= far_m), max(ways))
+    free_m, bearing_deg = max(ways, key=lambda way: way[0])  # of equals the first, straight on
     if reach_m > SHORT_SIGHT_M or free_m < LEAST_MOVE_M:
         raise MissionEnd("no_building", "no building stands about the drone, as far as its cameras see")
     _fly(step, free_m, bearing_deg, None, "no building within the cameras' reach: on ahead")
@@ -200,8 +201,10 @@ def _fly(step: Step, length_m: float, bearing_deg: float, yaw: float | None, why
 
 
 def _turned(stage: TakeStand, pose: Pose) -> TakeStand:
-    """To what looked like a wall from here; where it turns out to be none, the drone goes back to where it looked."""
-    return _next(stage, looked_behind=True, first_yaw=pose.yaw if stage.first_yaw is None else stage.first_yaw)
+    """To what looked like a wall from here; where it turns out to be none, the drone goes back to where it looked,
+    once."""
+    back_to = pose.yaw if stage.first_yaw is None and not stage.turned_back else stage.first_yaw
+    return _next(stage, looked_behind=True, first_yaw=back_to)
 
 
 def _next(stage: TakeStand, **changes: object) -> TakeStand:

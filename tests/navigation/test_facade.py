@@ -97,9 +97,14 @@ def test_glass_that_returns_nothing_is_no_top() -> None:
 
 def test_a_pane_that_the_pictures_edge_cuts_off_and_that_returns_nothing_is_no_sky() -> None:
     wall = _front(_block(30.0))
-    wall[:60, 60:140] = np.inf
+    wall[:60, 75:125] = np.inf
     assert _top(wall) is None
-    wall[:60] = np.inf
+
+
+@pytest.mark.parametrize("sky", [slice(50, 150), slice(None)])
+def test_the_sky_over_a_house_is_sky_between_higher_ones_too(sky: slice) -> None:
+    wall = _front(_block(30.0))
+    wall[:60, sky] = np.inf
     assert _top(wall) is not None
 
 

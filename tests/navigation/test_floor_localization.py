@@ -210,6 +210,8 @@ def test_a_low_house_under_a_sky_that_the_sensor_does_not_tell_from_wall_is_as_h
     assert final.height_m == pytest.approx(16.33, abs=0.01)
     rows = tuple(0.5 + (9.8 - z) / 19.6 for z in (7.5, 4.5, 1.5))
     assert corrected(final, 3, WindowRows(rows, 9.8, 9.8, SQUARE), UPPER).height_m == pytest.approx(7.5)
+    crowded = WindowRows((0.44, 0.47, 0.5), 0.0, 9.8, SQUARE)
+    assert corrected(final, 3, crowded, UPPER) == final
     lifted = WindowRows(tuple(row - 0.2 for row in rows), 9.8, 9.8, SQUARE)
     lower = FinalHeight(2.0, 6.5, 3)
     assert corrected(lower, 3, lifted, UPPER) == lower

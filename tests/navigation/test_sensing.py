@@ -102,11 +102,19 @@ def test_ghosts_in_an_invalid_sky_are_no_returns_and_a_pole_is_one() -> None:
 
 def test_an_echo_of_a_drop_is_no_return_and_a_wire_is_one() -> None:
     street = _street()
-    street.depth_m[60, 50] = 7.0  # a drop that is less before the wall than a mismatch in the air would be
-    street.depth_m[70, 40:80] = 6.5  # a wire of one pixel's width
+    street.depth_m[:, SIZE // 2 :] = 2.4
+    street.depth_m[60, 50] = 1.8  # a drop that is less before the wall than a mismatch in the air would be
+    street.depth_m[70, 40:80] = 1.9  # a wire of one pixel's width
     (view,) = read_views([street])
     assert np.isnan(view.depth_m[60, 50])
-    assert (view.depth_m[70, 40:80] == 6.5).all()
+    assert (view.depth_m[70, 40:80] == 1.9).all()
+
+
+def test_a_lone_pixel_that_is_as_wide_as_a_thing_is_one() -> None:
+    street = _street()
+    street.depth_m[60, 50] = 7.0
+    (view,) = read_views([street])
+    assert view.depth_m[60, 50] == 7.0
 
 
 def test_depth_on_the_wire_is_read_by_the_same_rule() -> None:

@@ -23,7 +23,7 @@ _COLOURS = """red orange yellow green blue purple pink brown black white grey gr
 golden beige cream navy scarlet crimson maroon lime mint lilac mauve copper bronze brass"""
 COLOURS = frozenset(_COLOURS.split())
 _COLOUR_BEHIND = re.compile(
-    rf"(?P<thing>.*\w)\s*[(,:;–—-]+\s*(?:(?:the |in )?colou?r(?: is|:)?\s+)?(?P<colour>{'|'.join(COLOURS)})"
+    rf"(?P<thing>.*\w)(?:\s*[(,:;–—]+\s*|\s+-+\s*)(?:(?:the |in )?colou?r(?: is|:)?\s+)?(?P<colour>{'|'.join(COLOURS)})"
 )
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
@@ -180,7 +180,7 @@ def _beside_floor(text: str, start: int, end: int, floor: FloorGuess) -> tuple[i
 def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
     """The words of the span, and what the tagger adds from elsewhere: attributes in front, longer additions behind."""
     main = _clean(tokens.text[start:end])
-    if behind := _COLOUR_BEHIND.fullmatch(main):
+    if (behind := _COLOUR_BEHIND.fullmatch(main)) and not content(behind["thing"]) & COLOURS:
         main = f"{behind['colour']} {behind['thing']}"
     known = content(main)
     groups: list[tuple[int, int]] = []
@@ -203,9 +203,10 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
 def _colour_elsewhere(tokens: Tokens, start: int, end: int, tags: Floats) -> list[str]:
     """The colour outside of the span that is likeliest to be the object's; none where none is likely to be."""
     elsewhere = [
-        (float(tag), tokens.text[s:e].lower())
+        (float(tag), word)
         for (s, e), tag in zip(tokens.offsets, tags, strict=True)
-        if tag > TAGGED_COLOUR and (e <= start or s >= end) and tokens.text[s:e].lower() in COLOURS
+        if tag > TAGGED_COLOUR and s < e and (e <= start or s >= end)
+        if (word := _widened(tokens.text, s, e).lower()) in COLOURS
     ]
     return [max(elsewhere)[1]] if elsewhere else []
 
