@@ -9,6 +9,7 @@ from contracts.vehicle import MAX_PATH_POINTS
 from mission.places import above, ahead
 from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, ConfirmHeight, CountBand, TakeStand
 from mission.step import MissionEnd, Step
+from navigation.camera import wrap_radians
 
 BACK_OFF_M = 1.0
 CLOSE_ENOUGH_M = 0.05
@@ -76,7 +77,7 @@ def look_elsewhere(step: Step) -> TakeStand:
     pose, home = step.pose, step.state.guard.home if step.state.guard is not None else step.pose
     step.update(no_building=(*step.state.no_building, pose.yaw))
     path = way_down(step, home.z) if home.z < pose.z else ()
-    same_way = abs(math.remainder(home.yaw - pose.yaw, math.tau)) <= SAME_WAY_RAD
+    same_way = abs(wrap_radians(home.yaw - pose.yaw)) <= SAME_WAY_RAD
     step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, "that is no building: look elsewhere")
     return TakeStand(looked_behind=True)
 
