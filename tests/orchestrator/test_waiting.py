@@ -15,8 +15,9 @@ from tests.orchestrator.orders import BEHIND, VAGUE, asked, events_of, finished,
 def test_a_delivery_that_has_no_room_to_fly_waits_and_is_flown_when_there_is(door) -> None:
     world = BlockWorld(BEHIND, slow_s=0.1)
     client = door(world, max_live=1)
-    first, second = (client.post("/v1/deliveries", json=order(world)).json()["id"] for _ in range(2))
+    first = client.post("/v1/deliveries", json=order(world)).json()["id"]
     until(client, first, "flying")
+    second = client.post("/v1/deliveries", json=order(world)).json()["id"]
     waiting = client.get(f"/v1/deliveries/{second}").json()
     assert (waiting["status"], waiting["started"], waiting["ended"]) == ("waiting", None, None)
     assert client.delete(f"/v1/deliveries/{first}").json()["result"]["outcome"] == "cancelled"
