@@ -12,6 +12,7 @@ from navigation import opening as openings
 from navigation import target as targets
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
+from navigation.railings import misses_railings, railings_on, tops
 from navigation.sensing import FREE, looked_at
 from navigation.target import Box, Target
 
@@ -72,9 +73,9 @@ def plan_approach(
     """The way from `pose` to the stop in front of the thing in `box` of `view`.
 
     Straight if that is free, else by one corner: sideways or back first, then in. A way is free where a ball of the
-    drone's radius + clearance touches no return of any view, and every part of it lies where some view looked
-    through. Where only the second leg is out of sight, the path ends at the corner, for another look from
-    there; not at one where the drone hovers already.
+    drone's radius + clearance touches neither a return of any view nor a railing that depth may have missed, and every
+    part of it lies where some view looked through. Where only the second leg is out of sight, the path ends at the
+    corner, for another look from there; not at one where the drone hovers already.
     `others` are further views of the same moment. `max_leg_m` caps the whole flight.
     """
     found = targets.locate(view, box, pose, settings.target)
@@ -84,6 +85,9 @@ def plan_approach(
     points = np.concatenate([to_enu(cloud(v, nearest_of_blocks(v)), pose) for v in views])
     points = points[points[:, 2] > GROUND_M]  # the ground is no obstacle of a way above it
     found = corners.at_nearest_wall(found, points, settings.corner)
+    shown = points
+    if misses_railings(views):
+        points = np.concatenate([points, railings_on(tops(points))])
     stop = stop_place(found, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)
@@ -102,7 +106,7 @@ def plan_approach(
         return Approach("clear", found, stop, _cut(halfway, max_leg_m)[0], False, free)
     if free >= math.dist(start, stop) - 1e-6:
         return Approach("clear", found, stop, (), False, free)
-    aside = _aside(start, found, points, views, pose, settings)
+    aside = _aside(start, found, points, shown, views, pose, settings)
     return Approach("blocked", found, stop, (), False, free, _cut(aside, max_leg_m)[0] if aside else ())
 
 
@@ -165,10 +169,16 @@ def _ways(start: Place, stop: Place, target: Target, settings: ApproachParameter
 
 
 def _aside(
-    start: Place, target: Target, points: Points, views: Sequence[DepthView], pose: Pose, settings: ApproachParameters
+    start: Place,
+    target: Target,
+    points: Points,
+    shown: Points,
+    views: Sequence[DepthView],
+    pose: Pose,
+    settings: ApproachParameters,
 ) -> tuple[Place, ...]:
     """The straight way, its start included, to the nearest place that sees the thing from another side and that
-    nothing is in the way of; empty where there is none.
+    nothing is in the way of; empty where there is none. `shown`: of `points`, those that hide what is behind them.
 
     The normal may be that of a balcony's side or of the neighbouring wall: from another side, the right one shows.
     """
@@ -190,7 +200,7 @@ def _aside(
         if (
             _is_free(way, points, settings)
             and _is_seen(way, views, pose, settings)
-            and _is_free((place, before), points, thin)
+            and _is_free((place, before), shown, thin)
         ):
             return way
     return ()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, thinned, to_enu
+from navigation.railings import RAILING_M, STEPS, misses_railings, railings_on, tops
 from navigation.sensing import FREE, HIDDEN, looked_at, read_views
 
 Floats = NDArray[np.float64]
@@ -39,16 +40,19 @@ _FEW = 6
 _NEAR_TOP_M = 14.0
 _TOP_SHARE = 1.6
 _LIE_M = 1e-6
+_NO_POINTS: Points = np.zeros((0, 3), np.float32)
 
 
 class Look(NamedTuple):
     """What the cameras showed at one moment: coarse views for where nothing is, `points` (N, 3) for what is there.
-    `reach_m`: how far the sensor has shown that it reaches, so far."""
+    `reach_m`: how far the sensor has shown that it reaches, so far. `carriers`: of the points, those on which a railing
+    may stand that depth has missed."""
 
     pose: Pose
     views: tuple[DepthView, ...]
     points: Points
     reach_m: float = 0.0
+    carriers: Points = _NO_POINTS
 
 
 class Space(NamedTuple):
@@ -77,10 +81,11 @@ def look_of(views: Sequence[DepthView], pose: Pose, *, shown_m: float = 0.0) -> 
     parts = [
         to_enu(cloud(view, nearest_of_blocks(view, block)), pose) for view, block in zip(read, blocks, strict=True)
     ]
-    points = np.concatenate([np.zeros((0, 3), np.float32), *parts])
+    points = np.concatenate([_NO_POINTS, *parts])
     near = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= _KEPT_M
     kept = points[near & (points[:, 2] > GROUND_M)]
-    return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m)
+    carriers = tops(kept) if misses_railings(views) else _NO_POINTS
+    return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m, carriers)
 
 
 def check(path: Sequence[Place], looks: Sequence[Look], flown: Floats, pose: Pose, space: Space) -> Refusal | None:
@@ -142,7 +147,7 @@ def column_looks_open(place: Place, to_m: float, looks: Sequence[Look]) -> bool:
     samples = np.array([(place.x, place.y, z) for z in np.arange(place.z, to_m, _STEP_M)]).reshape(-1, 3)
     if not (_best(samples, looks) == FREE).all():
         return False
-    points = np.concatenate([np.zeros((0, 3), np.float32), *(look.points for look in looks)])
+    points = np.concatenate([_NO_POINTS, *(look.points for look in looks)])
     away = np.hypot(points[:, 0] - place.x, points[:, 1] - place.y)
     beside = (away <= _NARROW_M) & (points[:, 2] > place.z - 0.6) & (points[:, 2] < to_m + 1.0)
     return bool(beside.sum() <= _FEW) and not overhangs(points[away <= _OVERHANG_M + 1.0], place, to_m)
@@ -173,25 +178,43 @@ def _outside(a: Place, b: Place, space: Space) -> Refusal | None:
 
 
 def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refusal | None:
-    """Something that was shown lies within the radius of the leg, and the leg comes nearer to it."""
-    start, leg = np.array(a), np.subtract(b, a)
+    """Something that was shown, or a railing on it, lies within the radius of the leg, and the leg comes nearer to it.
+    A look that sees past a railing says nothing: past what it stands on it must see."""
     low, high = np.minimum(a, b) - radius_m, np.maximum(a, b) + radius_m
     for number, look in enumerate(looks):
-        points = look.points[((look.points >= low) & (look.points <= high)).all(axis=1)].astype(np.float64)
-        if not len(points):
-            continue
-        gap = points - start
-        along = np.clip(gap @ leg / float(leg @ leg), 0.0, 1.0)
-        nearest = np.linalg.norm(gap - along[:, None] * leg, axis=1)
-        hits = points[(nearest < radius_m) & (nearest < np.linalg.norm(gap, axis=1) - _COMES_NEARER_M)]
-        hits = hits[~_seen_through(hits, looks[number + 1 :])]
+        later = looks[number + 1 :]
+        points = look.points[_inside(look.points, low, high)].astype(np.float64)
+        hits = points[_nears(points, a, b, radius_m)]
+        hits = hits[~_seen_through(hits, later)]
         if len(hits):
-            at = hits[0]
-            said = (
-                f"something stands at ({at[0]:.1f}, {at[1]:.1f}, {at[2]:.1f}), nearer than {radius_m:.2f} m to the way"
-            )
-            return Refusal("clearance", said, Place(*map(float, at)))
+            return _too_near("something stands", hits[0], radius_m)
+        carriers = look.carriers[_inside(look.carriers, low - (0.0, 0.0, RAILING_M), high)].astype(np.float64)
+        railings = railings_on(carriers)
+        near = _nears(railings, a, b, radius_m)
+        railings, below = railings[near], np.tile(carriers, (STEPS, 1))[near]
+        railings = railings[~_seen_through(below, later)]
+        if len(railings):
+            return _too_near("a railing that depth has missed may stand", railings[0], radius_m)
     return None
+
+
+def _inside(points: Points, low: Floats, high: Floats) -> Bools:
+    """(N,) of points (N, 3), those in the box."""
+    return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+
+
+def _nears(points: Floats, a: Place, b: Place, radius_m: float) -> Bools:
+    """(N,) of points (N, 3), those within the radius of the leg to which it comes nearer."""
+    leg = np.subtract(b, a)
+    gap = points - np.array(a)
+    along = np.clip(gap @ leg / float(leg @ leg), 0.0, 1.0)
+    nearest = np.linalg.norm(gap - along[:, None] * leg, axis=1)
+    return np.asarray((nearest < radius_m) & (nearest < np.linalg.norm(gap, axis=1) - _COMES_NEARER_M))
+
+
+def _too_near(what: str, at: Floats, radius_m: float) -> Refusal:
+    said = f"{what} at ({at[0]:.1f}, {at[1]:.1f}, {at[2]:.1f}), nearer than {radius_m:.2f} m to the way"
+    return Refusal("clearance", said, Place(*map(float, at)))
 
 
 def _seen_through(points: Floats, later: Sequence[Look]) -> Bools:

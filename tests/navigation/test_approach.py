@@ -8,6 +8,7 @@ import pytest
 
 from navigation.approach import Approach, plan_approach
 from navigation.camera import DepthView, Place, Pose, pinhole
+from navigation.railings import RAILING_M
 from navigation.target import Box, TargetParameters, box_place, facade_normal, locate
 from tests.navigation import usual
 from tests.navigation.raycast_world import HEADINGS, Prism, World, rectangle
@@ -99,6 +100,31 @@ def test_in_front_of_a_balcony_the_stop_keeps_clear_of_its_railing() -> None:
     assert found.stop is not None
     assert found.stop.y == pytest.approx(-0.3 - 1.3 - 0.95 - 0.05, abs=0.06)
     _assert_flies_clear(world, pose, found)
+
+
+def test_of_a_sensor_with_holes_the_way_keeps_clear_of_a_railing_that_it_may_have_missed() -> None:
+    """Between the drone and the stop a balcony's slab juts out 1.2 m below the way; a hand rail would be in it."""
+    slab = Prism(rectangle(-4.0, -1.5, 3.0, 3.0), 6.9, 7.1)
+    pose = Pose(-9.0, -2.2, 8.3, 0.0)
+    views = World([WALL, POT, slab]).views(pose, CAMERA)
+    box = _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6))
+
+    def planned(holes: bool) -> Approach:
+        seen = {heading: view._replace(depth_m=view.depth_m.copy()) for heading, view in views.items()}
+        if holes:
+            seen[-90].depth_m[0, 0] = np.nan
+        return plan_approach(seen[0], [seen[h] for h in HEADINGS if h != 0], box, pose, STOPS_AT_2_M, 40.0)
+
+    railing = World([slab._replace(top_m=7.1 + RAILING_M)])
+    over, round_it = planned(holes=False), planned(holes=True)
+    assert _gap_m(railing, pose, over) < 0.2
+    assert round_it.status == "clear"
+    assert _gap_m(railing, pose, round_it) >= 0.85
+
+
+def _gap_m(world: World, pose: Pose, approach: Approach) -> float:
+    places = [Place(*pose[:3]), *approach.path]
+    return min(float(world.gap_m(np.linspace(np.array(a), np.array(b), 100)).min()) for a, b in pairwise(places))
 
 
 @pytest.mark.parametrize(("z", "expected"), [(8.0, 8.0), (8.9, 8.9), (12.0, 9.05), (5.0, 7.55)])

@@ -17,11 +17,15 @@ NOWHERE = np.array([[0.0, 0.0, 5.0]])
 WALL = Prism(rectangle(0.0, 10.5, 40.0, 1.0), 0.0, 20.0)
 
 
-def _look(prisms: list[Prism], pose: Pose = HERE, *, up: bool = False, blind: bool = False) -> Look:
+def _look(
+    prisms: list[Prism], pose: Pose = HERE, *, up: bool = False, blind: bool = False, holes: bool = False
+) -> Look:
     world = World(prisms, ground=True)
     views = list(world.views(pose, CAMERA).values())
     if up:
         views.append(_overhead(prisms, pose))
+    if holes:
+        views[0].depth_m[0, 0] = np.nan
     if blind:
         views = [view._replace(depth_m=np.full_like(view.depth_m, np.nan)) for view in views]
     return look_of(views, pose)
@@ -61,6 +65,24 @@ def test_nobody_has_seen_what_lies_behind_the_drone_unless_it_flew_there() -> No
 
 def test_where_depth_shows_nothing_no_way_is_free() -> None:
     assert _reason([Place(0.0, 8.0, 5.0)], _look([WALL], blind=True)) == "unseen"
+
+
+def test_over_a_slab_a_railing_may_stand_that_a_sensor_with_holes_has_missed() -> None:
+    slab = Prism(rectangle(0.0, 5.0, 3.0, 2.0), 3.4, 3.6)
+    over = [Place(0.0, 8.0, 5.0)]
+    assert _reason(over, _look([WALL, slab])) is None
+    assert _reason(over, _look([WALL, slab], holes=True)) == "clearance"
+    assert _reason(over, _look([WALL, slab._replace(bottom_m=1.2, top_m=1.4)], holes=True)) is None  # a hedge
+
+
+def test_where_a_later_look_sees_past_the_slab_there_is_no_railing_either() -> None:
+    slab = Prism(rectangle(0.0, 5.0, 3.0, 2.0), 3.4, 3.6)
+    looks = [_look([WALL, slab], holes=True), _look([WALL], holes=True)]
+    assert check([Place(0.0, 8.0, 5.0)], looks, NOWHERE, HERE, SPACE) is None
+    seen_past_the_rail = [looks[0], _look([WALL, slab])]
+    refusal = check([Place(0.0, 8.0, 5.0)], seen_past_the_rail, NOWHERE, HERE, SPACE)
+    assert refusal is not None
+    assert "a railing that depth has missed" in refusal.said
 
 
 @pytest.mark.parametrize(
