@@ -27,6 +27,8 @@ _COLOUR_BEHIND = re.compile(
 )
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
+_ARTICLE_BEFORE = re.compile(r"\b(?:a|an|one|\d+)\s+$", re.IGNORECASE)
+_NOUN_BEHIND = re.compile(r"\s+(?!(?:one|kind|type|sort|model|version|variety|colou?r)\b)([^\W\d_]+)", re.IGNORECASE)
 _FLOOR_WORDS = re.compile(
     r"(?:[\s,;:.()-]|\b(?:and|on|at|in|the|is|it'?s|our|my|floor|flr|fl|level|lvl|storey|story|no|number)\b)*$",
     re.IGNORECASE,
@@ -191,6 +193,7 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
             groups[-1] = (groups[-1][0], e)
         else:
             groups.append((s, e))
+    groups = [group for group in groups if not _of_another_thing(tokens.text, *group, known)]
     added = [_clean(_widened(tokens.text, *group)) for group in groups]
     added = [a for a in added if content(a) - known]
     if not any(content(said) & COLOURS for said in (main, *added)):
@@ -198,6 +201,12 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
     short = [a for a in added if len(a.split()) <= MOST_ATTRIBUTE_WORDS]
     long = [a for a in added if len(a.split()) > MOST_ATTRIBUTE_WORDS]
     return " ".join([*short, main, *long])[:200]
+
+
+def _of_another_thing(text: str, start: int, end: int, known: frozenset[str]) -> bool:
+    """Stand the words before a noun that is not the object's, as in "the payload is a model locomotive"?"""
+    noun = _NOUN_BEHIND.match(text, end)
+    return bool(noun and content(noun[1]) - known and _ARTICLE_BEFORE.search(text[:start]))
 
 
 def _colour_elsewhere(tokens: Tokens, start: int, end: int, tags: Floats) -> list[str]:

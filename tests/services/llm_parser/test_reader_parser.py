@@ -37,6 +37,12 @@ def read(
             5,
             "yellow lamp",
         ),
+        (
+            "Storey 6, yellow bench. The payload is a model locomotive, scale 1:87, set it down gently.",
+            6,
+            "yellow bench",
+        ),
+        ("Hello pet, fifth floor, the nativity set in the window. One turkey crown.", 5, "nativity set"),
     ],
 )
 def test_plain_requests_are_read(parser: ReaderParser, request_text: str, floor: int, thing: str) -> None:
