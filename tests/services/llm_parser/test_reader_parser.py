@@ -38,7 +38,6 @@ def read(
             "yellow lamp",
         ),
         (
-            "Storey 6, yellow bench. The payload is a model locomotive, scale 1:87, set it down gently.",
             6,
             "yellow bench",
         ),
