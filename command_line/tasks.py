@@ -9,13 +9,14 @@ from rich.console import Console
 from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
+from contracts.scene_layout import goal_window
 from evaluation.sim_client import SimulatorFault, own_simulator
 from evaluation.task_set.absent import without_objects
 from evaluation.task_set.generate import MAX_SEED, MAX_TASKS, CannotGenerate, generate, wanted_tasks
 from evaluation.task_set.generate_real import generate_real
 from evaluation.task_set.mixture import load_mixture, mixture_names
 from evaluation.task_set.task_counts import TaskCounts, count_tasks, write_page
-from evaluation.task_set.task_files import BadTasks, TaskSet, lines_of, load, packed, read
+from evaluation.task_set.task_files import BadTasks, TaskSet, lines_of, load, packed, read, shipped_set_of
 from evaluation.task_set.task_picture import draw_task
 from mission.wording import counted
 
@@ -75,16 +76,23 @@ def generate_command(
 @app.command()
 def show(
     task: Annotated[str, typer.Argument(help="A task's name, such as vld-300-007.")],
-    tasks: Annotated[str, typer.Option(help="A shipped set or a file of tasks.")] = "vld-300",
+    tasks: Annotated[
+        str | None,
+        typer.Option(
+            help="A shipped set or a file of tasks.", show_default="the shipped set whose name TASK begins with"
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="The picture.", show_default="TASK.png")] = None,
 ) -> None:
     """Draw one task into a PNG: the plan with start, target and shortest way, and the target's window."""
     try:
-        found = load(tasks).task(task)
+        found = load(tasks or shipped_set_of(task)).task(task)
     except BadTasks as error:
         stop(str(error), WRONG_INPUT)
     if found.absent:
         stop(f"the object of {found.id} is not there: there is no window to draw a way to", WRONG_INPUT)
+    if goal_window(found.scene) is None:
+        stop(f"the object of {found.id} stands free: there is no window to draw a way to", WRONG_INPUT)
     path = out or Path(f"{found.id}.png")
     try:
         with own_simulator() as simulator:

@@ -1,7 +1,6 @@
 """Task sets of a mixture: buildings and goals of a fresh set, in the weather, light and starts that it draws.
 
-Each is proved by a flight in still air with perfect sensors: the way is there, whatever a drone makes of it. Everything
-follows from the seed.
+Everything follows from the seed.
 """
 
 import zlib
@@ -10,7 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from contracts.scene import CALM, Scene
+from contracts.scene import Scene
 from contracts.sim import Catalogue
 from evaluation.scene_generator.building_plans import BuildingPlan
 from evaluation.scene_generator.placement import entry_of
@@ -70,8 +69,7 @@ def make_real_task(wanted: Wanted, prefix: str, simulator: SimClient, catalogue:
         try:
             name = f"{prefix}-{wanted.number:03d}"
             drawn = _drawn(wanted._replace(category=category), name, seed, catalogue, mixture, kind, rng)
-            still = drawn.real.scene.model_copy(update={"air": CALM, "sensors": None})
-            proof = prove(still, simulator, SECOND)
+            proof = prove(drawn.real.scene, simulator, SECOND)
             scene = _as_drawn(drawn, rng)
         except (UnbuildableScene, NotSolvable) as error:
             why = str(error)

@@ -43,6 +43,11 @@ class TaskSet(NamedTuple):
         raise BadTasks(f"{self.name} has no task {task_id!r}; its {len(self.tasks)} tasks run from {first} to {last}")
 
 
+def shipped_set_of(task_id: str) -> str:
+    """The shipped set whose name a task's begins with, else the first."""
+    return next((name for name in SHIPPED if task_id.startswith(f"{name}-")), SHIPPED[0])
+
+
 def load(name: str) -> TaskSet:
     """A shipped set by its name, or a file by its path. Raises BadTasks."""
     if name in SHIPPED:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from contracts.scene import Air, Wind
 from evaluation.scene_generator.building_plans import SKETCHES
 from evaluation.scene_generator.footprints import difficulty_of
 from evaluation.sim_client import SimClient, own_simulator
@@ -13,7 +14,7 @@ from evaluation.task_set.proof import NotSolvable, prove
 from evaluation.task_set.requests import Fill, filled, in_words, ordinal, templates
 from evaluation.task_set.shortest import FIRST, OWN_CLEARANCE_M, SECOND, ways
 from evaluation.task_set.task_counts import count_tasks
-from evaluation.task_set.task_files import TaskSet, load
+from evaluation.task_set.task_files import TaskSet, load, shipped_set_of
 from tests.evaluation.evaluation_kit import a_task
 
 
@@ -89,6 +90,21 @@ def test_a_delivery_that_cannot_be_made_is_not_proved(simulator: SimClient) -> N
     shut = hidden.model_copy(update={"buildings": (task.scene.buildings[0], moved)})
     with pytest.raises(NotSolvable):
         prove(shut, simulator, SECOND)
+
+
+def test_wind_and_sensors_that_err_do_not_make_a_delivery_impossible(simulator: SimClient) -> None:
+    scene = a_task().scene
+    storm = Air(wind=Wind(speed_m_s=12.0, towards=1.5708, gusts_m_s=3.0))
+    rough = scene.model_copy(update={"air": storm, "sensors": "d435"})
+    assert prove(rough, simulator, SECOND) == prove(scene, simulator, SECOND)
+
+
+def test_a_task_is_of_the_shipped_set_whose_name_its_own_begins_with() -> None:
+    assert [shipped_set_of(name) for name in ("vld-real-196", "vld-300-007", "s5-001")] == [
+        "vld-real",
+        "vld-300",
+        "vld-300",
+    ]
 
 
 def test_the_shortest_way_round_a_corner_is_known_by_hand() -> None:
