@@ -16,7 +16,7 @@ from rich.table import Table
 
 from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, bar, stop
 from command_line.preflight import stop_without_models
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.orchestrator import SightingSettings
 from contracts.sim import Catalogue
 from evaluation.bench.folder import BadFolder
@@ -109,7 +109,7 @@ def _about_beside(answers: Path) -> dict[str, Any]:
     try:
         return _ABOUT.validate_json(beside.read_bytes())
     except ValidationError as error:
-        raise ValueError(f"{beside} is not what `--out` writes: {what_is_wrong(error.errors()[0])}") from None
+        raise ValueError(f"{beside} is not what `--out` writes: {first_problem(error)}") from None
 
 
 def write_card(

@@ -10,7 +10,7 @@ from uuid import uuid4
 import httpx
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from contracts.errors import ErrorBody, first_problem, what_is_wrong
+from contracts.errors import ErrorBody, first_problem
 from contracts.events import Event, read_event
 from contracts.fleet import FleetList
 from contracts.health import Health
@@ -166,7 +166,7 @@ def answer_of(call: Call[T], response: httpx.Response, service: str = SERVICE) -
     try:
         return call.read(response.content)
     except (ValidationError, ValueError) as error:
-        said = what_is_wrong(error.errors()[0]) if isinstance(error, ValidationError) else str(error)
+        said = first_problem(error) if isinstance(error, ValidationError) else str(error)
         raise Garbled(service, f"answered {call.method} {call.path} with something else: {said}") from None
 
 

@@ -20,7 +20,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from contracts.base import Metres, Name, Radians, Wire
 from contracts.cameras import Camera
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.geometry import Point3, Pose
 from contracts.images import BadImage, DepthMap, decode_depth_units, jpeg_bytes
 from contracts.sim import Verdict
@@ -186,7 +186,7 @@ def read_trajectory(folder: Path) -> list[TrajectoryEntry]:
         try:
             entries.append(_ENTRY.validate_json(line, extra="ignore"))
         except ValidationError as error:
-            raise BadTrajectory(f"{path}, line {number}: {what_is_wrong(error.errors()[0])}") from None
+            raise BadTrajectory(f"{path}, line {number}: {first_problem(error)}") from None
     if not entries or not isinstance(entries[0], BegunEntry):
         raise BadTrajectory(f"{path} is empty or does not begin with what was flown: the flight was cut off")
     return entries
@@ -205,7 +205,7 @@ def read_depth_units(folder: Path, depth: DepthFile) -> NDArray[np.uint16]:
     try:
         return decode_depth_units(DepthMap.model_validate({**fields, "zstd_base64": packed}))
     except (BadImage, ValidationError) as error:
-        said = what_is_wrong(error.errors()[0]) if isinstance(error, ValidationError) else str(error)
+        said = first_problem(error) if isinstance(error, ValidationError) else str(error)
         raise BadTrajectory(f"{folder / depth.file}: {said}") from None
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.orchestrator import Sample
 
 FOLDER = Path(__file__).parent / "samples"
@@ -27,6 +27,4 @@ def load(name: str, folder: Path = FOLDER) -> Sample:
     try:
         return Sample.model_validate_json((folder / f"{name}.json").read_text(encoding="utf-8"))
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ValueError(f"sample {name}: {where}: {what_is_wrong(first)}") from None
+        raise ValueError(f"sample {name}: {first_problem(error)}") from None

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Self, TypeVar
 import aiohttp
 from pydantic import BaseModel, ValidationError
 
-from contracts.errors import STOPPING, ErrorBody, what_is_wrong
+from contracts.errors import STOPPING, ErrorBody, first_problem
 from contracts.health import Health
 from service_kit.connections import TOKEN_VARIABLES
 from service_kit.settings import without_password
@@ -124,12 +124,8 @@ class ServiceClient:
         try:
             return answer.model_validate_json(data)
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"]) or "body"
-            message = (
-                f"answered {method} {path} with something else than {answer.__name__}: {where}: {what_is_wrong(first)}"
-            )
-            raise Garbled(self._service, message) from None
+            else_than = f"answered {method} {path} with something else than {answer.__name__}"
+            raise Garbled(self._service, f"{else_than}: {first_problem(error)}") from None
 
     async def delete(self, path: str) -> None:
         """DELETE, with nothing in return. Raises Unreachable or Refused."""

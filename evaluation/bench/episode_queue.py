@@ -12,7 +12,7 @@ from dbos import DBOSClient, EnqueueOptions
 from pydantic import ValidationError
 from sqlalchemy.exc import OperationalError, SQLAlchemyError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from evaluation.bench.folder import RunFolder
 from evaluation.bench.queue_database import APPLICATION, EPISODE, QUEUE, QueueDatabase, WorkerRoll
 from evaluation.bench.run import Listener, Run, Standing
@@ -84,9 +84,7 @@ class EpisodeQueue:
             await self._client.enqueue_async(options, job.model_dump_json(), order.model_dump_json())
             return EpisodeRecord.model_validate_json(await self._waiting[name])
         except ValidationError as error:
-            raise WorkerBroke(
-                f"{order.task.id} was answered with no result: {what_is_wrong(error.errors()[0])}"
-            ) from None
+            raise WorkerBroke(f"{order.task.id} was answered with no result: {first_problem(error)}") from None
         finally:
             del self._waiting[name]
 

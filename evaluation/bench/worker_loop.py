@@ -9,7 +9,7 @@ from typing import Protocol
 from pydantic import ValidationError
 
 from contracts.base import Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from launcher.processes import CannotStart
 
 LINE_LIMIT = 64 * 1024 * 1024
@@ -87,7 +87,7 @@ def answer_lines(module: str, new_worker: Callable[[bytes], WorkerLogic]) -> int
         with contextlib.suppress(BrokenPipeError):
             return asyncio.run(serve(new_worker))
     except ValidationError as error:
-        sys.stderr.write(f"{module}: {what_is_wrong(error.errors()[0])}\n")
+        sys.stderr.write(f"{module}: {first_problem(error)}\n")
         return 2
     return 0
 

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from contracts.base import Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from evaluation.bench.worker import Job, Order
 from evaluation.bench.worker_loop import LINE_LIMIT, Ready
 from evaluation.metrics.episode import EpisodeRecord
@@ -124,7 +124,7 @@ class FlyingProcess(WorkerProcess):
         try:
             record = EpisodeRecord.model_validate_json(answer)
         except ValidationError as error:
-            raise WorkerBroke(f"it answered {task.id} with no result: {what_is_wrong(error.errors()[0])}") from None
+            raise WorkerBroke(f"it answered {task.id} with no result: {first_problem(error)}") from None
         if record.task != task.id:
             raise WorkerBroke(f"it answered {task.id} with a result of {record.task}")
         return record

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from pydantic import ConfigDict, Field, ValidationError
 
 from contracts.base import Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 
 
 class BadRequests(ValueError):
@@ -61,6 +61,4 @@ def _one(file: Path, number: int, line: str) -> LabelledRequest:
     try:
         return LabelledRequest.model_validate_json(line)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise BadRequests(f"{file}, line {number}: {f'{where}: ' if where else ''}{what_is_wrong(first)}") from None
+        raise BadRequests(f"{file}, line {number}: {first_problem(error)}") from None

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.footprint import footprint_problem
 from contracts.geometry import Point2, Point3
 from contracts.scene import Building, BuildingKind, Ground, Road, Scene, SceneObject, Start, Tree, WindowPlace
@@ -146,7 +146,7 @@ def _built(source: OsmBuilding, middle: Xy, wanted: Wanted) -> Building | str:
             roof="flat",
         )
     except ValidationError as error:
-        return what_is_wrong(error.errors()[0])
+        return first_problem(error)
 
 
 def _sound(outline: Sequence[Xy]) -> list[Xy] | str:
@@ -235,7 +235,7 @@ def _placed(buildings: tuple[Building, ...], ground: Ground, wanted: Wanted) -> 
             name=wanted.name, seed=wanted.seed, buildings=buildings, target=target.id, ground=ground, start=anywhere
         )
     except ValidationError as error:
-        raise BadMap(f"the map makes no scene: {what_is_wrong(error.errors()[0])}") from None
+        raise BadMap(f"the map makes no scene: {first_problem(error)}") from None
     starts = walkable_starts(bare)
     if not starts:
         raise BadMap(

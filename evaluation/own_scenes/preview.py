@@ -37,7 +37,7 @@ def draw_preview(
 ) -> None:
     """Writes the PNG; without a simulator, for a scene that can't be flown in, the plan alone. Raises SimulatorFault,
     OSError."""
-    views = [("Plan: where a drone may start (green dots)", plan_view(scene, starts))]
+    views = [("Plan: green, where a drone may start; blue, its start; red, the goal", plan_view(scene, starts))]
     if simulator is not None:
         views += [(title, look(scene, simulator)) for title, look in _looks(scene)]
     lines = [(line, _WEIGHTS[p.weight]) for p in problems for line in wrapped(f"{p.weight}: {p.text}", _wide(2), 18)]

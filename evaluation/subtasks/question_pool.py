@@ -8,7 +8,7 @@ from typing import Protocol
 
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from evaluation.bench.worker_pool import WorkerBroke, WorkerCantStart, WorkerProcess, run_workers
 from evaluation.subtasks.run import Asked
 from evaluation.subtasks.worker import AskJob, AskOrder
@@ -42,7 +42,7 @@ class QuestionProcess(WorkerProcess):
         try:
             return Asked.model_validate_json(await self.ask(AskOrder(task=task)))
         except ValidationError as error:
-            raise WorkerBroke(f"it answered {task.id} with no answer: {what_is_wrong(error.errors()[0])}") from None
+            raise WorkerBroke(f"it answered {task.id} with no answer: {first_problem(error)}") from None
 
 
 async def ask_all(

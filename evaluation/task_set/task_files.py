@@ -14,7 +14,7 @@ from typing import NamedTuple
 import zstandard
 from pydantic import ValidationError
 
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from evaluation.task_set.task import Task
 
 SHIPPED = ("vld-300", "vld-real")
@@ -91,9 +91,7 @@ def read(data: bytes, name: str) -> TaskSet:
         try:
             task = Task.model_validate_json(line)
         except ValidationError as error:
-            first = error.errors()[0]
-            where = ".".join(str(part) for part in first["loc"]) or "line"
-            raise BadTasks(f"{name}, line {number}: {where}: {what_is_wrong(first)}") from None
+            raise BadTasks(f"{name}, line {number}: {first_problem(error)}") from None
         if task.id in seen:
             raise BadTasks(f"{name}, line {number}: there are two tasks {task.id}")
         seen.add(task.id)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from pydantic import ValidationError
 
 from contracts.base import Unit, Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.geometry import Box
 from contracts.vlm_gateway import Match
 from service_kit.errors import BadQuestion
@@ -43,7 +43,7 @@ def build(model: ExtensionModel) -> "ColourBackend":
     try:
         return ColourBackend(Options.model_validate(model.options))
     except ValidationError as error:
-        raise BadSetting(f"models.{model.alias}.options: {what_is_wrong(error.errors()[0])}") from None
+        raise BadSetting(f"models.{model.alias}.options: {first_problem(error)}") from None
 
 
 class ColourBackend:

@@ -19,7 +19,7 @@ from typing import Literal, TypeVar
 from pydantic import Field, ValidationError
 
 from contracts.base import Unit, Wire
-from contracts.errors import what_is_wrong
+from contracts.errors import first_problem
 from contracts.geometry import Box, PointLabel
 from contracts.vlm_gateway import Match, Outcome, Tokens
 from service_kit.errors import ServiceError
@@ -84,10 +84,7 @@ def load_script(path: Path) -> Script:
     except OSError as error:
         raise BadSetting(f"script {path}: {error.strerror}; name a readable JSON file") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        raise BadSetting(
-            f"script {path}: {'.'.join(str(part) for part in first['loc'])}: {what_is_wrong(first)}"
-        ) from None
+        raise BadSetting(f"script {path}: {first_problem(error)}") from None
 
 
 class ScriptedBackend:
