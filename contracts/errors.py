@@ -30,6 +30,8 @@ def without_prefix(sentence: str) -> str:
 
 def what_is_wrong(problem: ErrorDetails) -> str:
     """A validation problem's sentence, as we say it."""
+    if problem["type"] == "extra_forbidden":
+        return "there is no such field"
     return without_prefix(str(problem["msg"]))
 
 

@@ -38,7 +38,7 @@ def nowhere() -> Iterator[LocalServices]:
         ({"request": 5}, r"^request: .*valid string"),
         ({"request": "\ud800 floor 3"}, r"^request: "),
         ({"scene": {"name": "a"}, "sample": None}, r"^scene\.buildings: Field required"),
-        ({"settings": {"imagesize": 320}}, r"^settings: imagesize: Extra inputs"),
+        ({"settings": {"imagesize": 320}}, r"^settings: imagesize: there is no such field"),
         ({"settings": 3, "policy": "paper"}, r"^settings: Input should be a valid dictionary"),
         ({"policy": lambda look: None}, r"^policy: it is called with \(look, tools\); <lambda>\(look\) takes other"),
         ({"vision": lambda views: None}, r"^vision: find_object: it is called with \(views, phrase\)"),
