@@ -12,7 +12,7 @@ from navigation import opening as openings
 from navigation import target as targets
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
-from navigation.railings import misses_railings, railings_on, tops
+from navigation.railings import carriers, misses_railings, railings_on
 from navigation.sensing import FREE, looked_at
 from navigation.target import Box, Target
 
@@ -87,7 +87,7 @@ def plan_approach(
     found = corners.at_nearest_wall(found, points, settings.corner)
     shown = points
     if misses_railings(views):
-        points = np.concatenate([points, railings_on(tops(points))])
+        points = np.concatenate([points, railings_on(carriers(points, pose))])
     stop = stop_place(found, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, thinned, to_enu
-from navigation.railings import RAILING_M, STEPS, misses_railings, railings_on, tops
+from navigation.railings import RAILING_M, STEPS, carriers, misses_railings, railings_on
 from navigation.sensing import FREE, HIDDEN, looked_at, read_views
 
 Floats = NDArray[np.float64]
@@ -45,14 +45,14 @@ _NO_POINTS: Points = np.zeros((0, 3), np.float32)
 
 class Look(NamedTuple):
     """What the cameras showed at one moment: coarse views for where nothing is, `points` (N, 3) for what is there.
-    `reach_m`: how far the sensor has shown that it reaches, so far. `carriers`: of the points, those on which a railing
+    `reach_m`: how far the sensor has shown that it reaches, so far. `slabs`: of the points, those on which a railing
     may stand that depth has missed."""
 
     pose: Pose
     views: tuple[DepthView, ...]
     points: Points
     reach_m: float = 0.0
-    carriers: Points = _NO_POINTS
+    slabs: Points = _NO_POINTS
 
 
 class Space(NamedTuple):
@@ -84,8 +84,8 @@ def look_of(views: Sequence[DepthView], pose: Pose, *, shown_m: float = 0.0) -> 
     points = np.concatenate([_NO_POINTS, *parts])
     near = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= _KEPT_M
     kept = points[near & (points[:, 2] > GROUND_M)]
-    carriers = tops(kept) if misses_railings(views) else _NO_POINTS
-    return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m, carriers)
+    slabs = carriers(kept, pose) if misses_railings(views) else _NO_POINTS
+    return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m, slabs)
 
 
 def check(path: Sequence[Place], looks: Sequence[Look], flown: Floats, pose: Pose, space: Space) -> Refusal | None:
@@ -188,10 +188,10 @@ def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refu
         hits = hits[~_seen_through(hits, later)]
         if len(hits):
             return _too_near("something stands", hits[0], radius_m)
-        carriers = look.carriers[_inside(look.carriers, low - (0.0, 0.0, RAILING_M), high)].astype(np.float64)
-        railings = railings_on(carriers)
+        slabs = look.slabs[_inside(look.slabs, low - (0.0, 0.0, RAILING_M), high)].astype(np.float64)
+        railings = railings_on(slabs)
         near = _nears(railings, a, b, radius_m)
-        railings, below = railings[near], np.tile(carriers, (STEPS, 1))[near]
+        railings, below = railings[near], np.tile(slabs, (STEPS, 1))[near]
         railings = railings[~_seen_through(below, later)]
         if len(railings):
             return _too_near("a railing that depth has missed may stand", railings[0], radius_m)

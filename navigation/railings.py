@@ -1,5 +1,5 @@
 """Railings that depth misses. A stereo camera looks through a pane and drops a bar of a few pixels, but it sees the
-slab that they stand on. So of a sensor that leaves pixels invalid, whatever juts out above head height is taken to
+slab that they stand on. So of a sensor that leaves pixels invalid, whatever is level above head height is taken to
 carry a railing of the usual height, seen or not."""
 
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView
+from navigation.camera import DepthView, Pose
 from navigation.point_cloud import Points
 
 Float = TypeVar("Float", np.float32, np.float64)
@@ -17,7 +17,13 @@ RAILING_M = 1.1
 """Building codes ask for 0.9 to 1.1 m."""
 _ABOVE_M = 2.0
 """Lower things are hedges, walls and cars."""
-_CELL_M = 0.25
+_REACH_M, _BELOW_M, _OVER_M = 16.0, 8.0, 1.5
+"""What is farther off is looked at again before the drone gets there."""
+_CELL_M, _LAYER_M = 0.25, 0.1
+_ABOUT = 2
+_FEWEST = 5
+_BROAD_M = 0.24
+"""Standard deviation of what is as high about a point, in whichever direction; a wall and a steep roof are narrower."""
 _UP_M = (RAILING_M / 2, RAILING_M)
 STEPS = len(_UP_M)
 
@@ -27,18 +33,43 @@ def misses_railings(views: Sequence[DepthView]) -> bool:
     return any(bool(np.isnan(view.depth_m).any()) for view in views)
 
 
-def tops(points: Points) -> Points:
-    """(K, 3) of points (N, 3) ENU, heights above ground: the highest over each patch of the ground plan, of those that
-    may carry a railing."""
-    high = points[points[:, 2] > _ABOVE_M]
-    cells = np.floor(high[:, :2] / np.float32(_CELL_M)).astype(np.int64)
-    order = np.lexsort((-high[:, 2], cells[:, 1], cells[:, 0]))
-    first = np.ones(len(high), bool)
-    first[1:] = (np.diff(cells[order], axis=0) != 0).any(axis=1)
-    kept: Points = high[order[first]]
-    return kept
+def carriers(points: Points, pose: Pose) -> Points:
+    """(K, 3) of points (N, 3) ENU about the drone, heights above ground: where something level is, one for each cell of
+    the ground plan and each height."""
+    low = max(_ABOVE_M, pose.z - _BELOW_M)
+    corner = np.array((pose.x - _REACH_M, pose.y - _REACH_M, low), np.float32)
+    size = np.array((2 * _REACH_M / _CELL_M, 2 * _REACH_M / _CELL_M, (pose.z + _OVER_M - low) / _LAYER_M), np.int64)
+    if size[2] <= 0:
+        return points[:0]
+    at = np.floor((points - corner) / np.array((_CELL_M, _CELL_M, _LAYER_M), np.float32)).astype(np.int64)
+    inside = np.flatnonzero(((at >= 0) & (at < size)).all(axis=1))
+    filled = np.zeros(size + 2 * _ABOUT, bool)
+    at = at[inside] + _ABOUT
+    cells, first = np.unique(np.ravel_multi_index(tuple(at.T), filled.shape), return_index=True)
+    filled.ravel()[cells] = True
+    found: Points = points[inside[first[_is_level(filled, cells)]]]
+    return found
 
 
-def railings_on(carriers: NDArray[Float]) -> NDArray[Float]:
-    """(STEPS * K, 3) where the railings on those (K, 3) would be: all half way up, then all at the hand rail."""
-    return np.concatenate([carriers + np.array((0.0, 0.0, up), carriers.dtype) for up in _UP_M])
+def railings_on(slabs: NDArray[Float]) -> NDArray[Float]:
+    """(STEPS * K, 3) where railings on those (K, 3) would be: all half way up, then all at the hand rail."""
+    return np.concatenate([slabs + np.array((0.0, 0.0, up), slabs.dtype) for up in _UP_M])
+
+
+def _is_level(filled: NDArray[np.bool_], cells: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(V,) of the cells, by their places in `filled`, which is empty along its rim: those with something as high, or
+    a layer higher or lower, broadly about them."""
+    _, across, layers = filled.shape
+    shown = filled.ravel()
+    count, x, y, xx, yy, xy = np.zeros((6, len(cells)))
+    for dx in range(-_ABOUT, _ABOUT + 1):
+        for dy in range(-_ABOUT, _ABOUT + 1):
+            beside = cells + (dx * across + dy) * layers
+            here = shown[beside - 1] | shown[beside] | shown[beside + 1]
+            for total, share in zip((count, x, y, xx, yy, xy), (1, dx, dy, dx * dx, dy * dy, dx * dy), strict=True):
+                if share:
+                    total[here] += share
+    mean_x, mean_y = x / count, y / count
+    xx, yy, xy = xx / count - mean_x**2, yy / count - mean_y**2, xy / count - mean_x * mean_y
+    narrowest = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+    return np.asarray((count >= _FEWEST) & (narrowest * _CELL_M**2 >= _BROAD_M**2))

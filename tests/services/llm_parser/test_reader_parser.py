@@ -37,10 +37,6 @@ def read(
             5,
             "yellow lamp",
         ),
-        (
-            6,
-            "yellow bench",
-        ),
         ("Hello pet, fifth floor, the nativity set in the window. One turkey crown.", 5, "nativity set"),
     ],
 )
