@@ -36,7 +36,7 @@ CUTS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (r"python -m tests.load.bench_model", ("--rounds", "1")),
     (r"python -m tests.load.bench_orchestrator", ("--posts", "20")),
     (r"python -m tests.load.explorer_\w+ .*--tasks", ("--every", "300")),
-    (r"python -m tests.load.fleet_soak", ("--minutes", "0.5")),
+    (r"python -m tests.load.soak", ("--minutes", "0.5", "--bound", "100000")),
 )
 STAYS = re.compile(r"logisticsvln (serve|replay)\b|logisticsvln bench .*--backend human")
 STARTS_WITHIN_S = 300.0
