@@ -149,13 +149,12 @@ class Overlook:
         return self._times
 
     async def _flight(self, name: str, request: str) -> FlightSeen:
-        street = await self._streets.of(name)
-        key = None if street is None else street.key
+        street = await self._streets.key_of(name)
         try:
             seen = await self.telemetry.of(name)
-            return FlightSeen(delivery=name, request=request, drone=seen, problem=None, street=key)
+            return FlightSeen(delivery=name, request=request, drone=seen, problem=None, street=street)
         except Silent as error:
-            return FlightSeen(delivery=name, request=request, drone=None, problem=str(error), street=key)
+            return FlightSeen(delivery=name, request=request, drone=None, problem=str(error), street=street)
 
 
 def _line(stored: StoredLine) -> DeliveryLine:

@@ -5,6 +5,7 @@ import json
 import time
 from collections.abc import AsyncIterator
 from datetime import UTC, datetime
+from typing import NamedTuple
 
 import zstandard
 
@@ -24,6 +25,17 @@ class Silent(Exception):
     """The drone does not tell where it is; the message says why."""
 
 
+class _Asked(NamedTuple):
+    """A question to a vehicle, and when it was asked."""
+
+    at: float
+    task: asyncio.Task[DroneSeen]
+
+    def stale(self) -> bool:
+        """Its answer is told to nobody any more."""
+        return self.task.done() and time.monotonic() > self.at + FRESH_S
+
+
 class Telemetry:
     """One question to a vehicle serves everybody who looks."""
 
@@ -31,21 +43,28 @@ class Telemetry:
         self._hangar = hangar
         self._store = store
         self._names: Newest[tuple[str, int], str] = Newest(MAX_KEPT)
-        self._asked: Newest[str, tuple[float, asyncio.Task[DroneSeen]]] = Newest(MAX_KEPT)
+        self._asked: dict[str, _Asked] = {}
 
     async def of(self, delivery: str) -> DroneSeen | None:
         """The drone that flies the delivery; null where none does. Raises Silent where it does not tell."""
         stored = await asyncio.to_thread(self._store.get, delivery)
         if stored is None or stored.vehicle is None or stored.status == "done":
             return None
-        asked_at, task = self._asked.get(delivery, (0.0, None))
-        if task is None or (task.done() and time.monotonic() > asked_at + FRESH_S):
+        self._forget_stale()
+        asked = self._asked.get(delivery)
+        if asked is None or asked.stale():
             name = self._name_of(stored)
             if name is None:
                 return None
             task = asyncio.create_task(self._ask(stored.vehicle, name), name=f"drone of {delivery}")
-            self._asked[delivery] = (time.monotonic(), task)
-        return await asyncio.shield(task)
+            self._asked.pop(delivery, None)  # the latest comes last
+            asked = self._asked[delivery] = _Asked(time.monotonic(), task)
+        return await asyncio.shield(asked.task)
+
+    def _forget_stale(self) -> None:
+        """Of drones that have landed nobody asks any more."""
+        while self._asked and next(iter(self._asked.values())).stale():
+            del self._asked[next(iter(self._asked))]
 
     async def samples(self, delivery: str, every_s: float = 0.5) -> AsyncIterator[DroneSeen]:
         """Again and again, as long as the delivery flies or waits; a drone that does not tell is asked again."""
