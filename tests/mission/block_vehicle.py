@@ -35,8 +35,9 @@ SPEED_M_S = 4.0
 STEP_M = 0.1
 ENDURANCE_S = 1500.0
 Place = tuple[float, float, float]
-Away = Callable[[], bool]
-"""Does nobody answer now?"""
+Asked = Callable[[], bool]
+"""Is it so now?"""
+HOVER_S = 0.01
 
 
 class Leg(NamedTuple):
@@ -51,7 +52,8 @@ class Leg(NamedTuple):
 
 class BlockVehicle:
     """Flies at `SPEED_M_S`; `pace`: seconds of wall time for a second of flight; `slow_s`: slept at every look;
-    `rests_below_m`: so far below the end of its path it comes to rest."""
+    `away`: nobody answers; `hovers`: no look ends; `rests_below_m`: so far below the end of its path it comes to
+    rest."""
 
     def __init__(
         self,
@@ -62,12 +64,14 @@ class BlockVehicle:
         pace: float = 0.0,
         slow_s: float = 0.0,
         size: int = SIZE,
-        away: Away = lambda: False,
+        away: Asked = lambda: False,
+        hovers: Asked = lambda: False,
         rests_below_m: float = 0.0,
     ) -> None:
         self.block = block
         self._rests_below_m = rests_below_m
         self._away = away
+        self._hovers = hovers
         self.looks = 0
         self.holds = 0
         self.released = False
@@ -129,6 +133,9 @@ class BlockVehicle:
         if wrong:
             raise ServiceRefused(f"there is no camera {wrong}; there are {list(known)}", code="bad_cameras", status=422)
         await asyncio.sleep(self._slow_s)
+        while self._hovers():
+            self._there()
+            await asyncio.sleep(HOVER_S)
         self.looks += 1
         pose = self.pose
         views = []
@@ -284,7 +291,8 @@ class BlockVehicle:
 class BlockWorld:
     """A block as a Trial: begins drones and judges their claims by the block's thing. `boarded`: begun or resumed last.
     `ended`: the drones released, in the order in which they were begun; `begun_at`: when the last
-    one was, in seconds since 1970. `away`: nobody answers."""
+    one was, in seconds since 1970. `away`: nobody answers; `hovers`: no drone ends a look, so that each that was begun
+    stays in the air; `silent`: drones are flown, but tell nobody else how they stand."""
 
     block: Block = field(default_factory=Block)
     pace: float = 0.0
@@ -295,6 +303,8 @@ class BlockWorld:
     boarded: str = ""
     begun_at: float = 0.0
     away: bool = False
+    hovers: bool = False
+    silent: bool = False
     _by_key: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -326,6 +336,7 @@ class BlockWorld:
                 slow_s=self.slow_s,
                 rests_below_m=self.rests_below_m,
                 away=lambda: self.away,
+                hovers=lambda: self.hovers,
             )
         return await self.resume(self._by_key[key])
 

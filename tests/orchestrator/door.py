@@ -11,7 +11,7 @@ import uvicorn
 from contracts.vehicle import VehicleState
 from contracts.vlm_gateway import ListedModel
 from mission.placement import OwnVehicle
-from mission.ports import Ports, ServiceRefused
+from mission.ports import Ports, ServiceRefused, ServiceUnreachable
 from orchestrator.access import EVERYBODY, Access
 from orchestrator.app import build_app
 from orchestrator.assembly import Orchestrator
@@ -47,6 +47,8 @@ class BlockSimulators:
         return (ListedModel(id="geometry", owned_by="scripted", roles=("recognition",)),)
 
     async def drone(self, name: str, drone: str) -> VehicleState:
+        if self._worlds[name].silent:
+            raise ServiceUnreachable("block world: nobody answers")
         vehicle = self._worlds[name].vehicles.get(drone)
         if vehicle is None:
             raise ServiceRefused(f"block world: there is no vehicle {drone}", code="not_found", status=404)
@@ -102,6 +104,7 @@ class Door:
         port: int | None = None,
         files: RecordFiles | None = None,
     ) -> None:
+        self._world = world
         orchestrator = Orchestrator(
             Database(database or f"sqlite:///{runs / 'deliveries.sqlite'}"),
             hangar or BlockSimulators(max_live, {"simulator": world}, vision),
@@ -123,6 +126,7 @@ class Door:
         self.client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20)
 
     def close(self) -> None:
+        self._world.hovers = False
         self.client.close()
         self._server.should_exit = True
         self._thread.join(20)

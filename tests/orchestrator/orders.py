@@ -1,7 +1,11 @@
 """Deliveries ordered at a door of the tests, and how they stand."""
 
+import contextlib
 import json
+import sqlite3
 import time
+from collections.abc import Callable
+from pathlib import Path
 
 import httpx
 
@@ -32,21 +36,45 @@ def events_of(client: httpx.Client, name: str, after: int | None = None) -> list
 
 
 def until(client: httpx.Client, name: str, status: str) -> Delivery:
-    """The delivery once it is of that status, or as it stands after two minutes (a loaded machine needs time)."""
-    give_up = time.monotonic() + 120
-    while True:
-        delivery = Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())
-        if delivery.status == status or time.monotonic() > give_up:
-            assert delivery.status == status
-            return delivery
-        time.sleep(0.02)
+    """The delivery once it is of that status."""
+    found: list[Delivery] = []
+
+    def there() -> bool:
+        found[:] = [Delivery.model_validate(client.get(f"/v1/deliveries/{name}").json())]
+        assert found[0].status in (status, "waiting", "flying", "needs_answer"), f"{name} is done and was not {status}"
+        return found[0].status == status
+
+    patiently(there, f"{name} is not {status}")
+    return found[0]
 
 
-def read(client: httpx.Client, name: str) -> None:
+def aloft(client: httpx.Client, world: BlockWorld, **more: object) -> str:
+    """The id of a new delivery whose drone is in the air; it stays there until the world `hovers` no more."""
+    world.hovers = True
+    name = str(client.post("/v1/deliveries", json=order(world, **more)).json()["id"])
+    until(client, name, "flying")
+    patiently(lambda: bool(world.live), "no drone was begun")
+    return name
+
+
+def queued(runs: Path, name: str) -> None:
     """Returns once the request has been read and the delivery stands in the queue for a vehicle."""
-    with client.stream("GET", f"/v1/deliveries/{name}/events") as answer:
-        next(line for line in answer.iter_lines() if '"kind":"parsed"' in line)
-    time.sleep(1.0)
+    patiently(lambda: _place(runs, name) == ("simulator", None), f"{name} stands in no queue for a vehicle")
+
+
+def _place(runs: Path, name: str) -> tuple[str, float | None]:
+    """The queue of the delivery's next turn, and when it is due; null once the engine has queued it."""
+    with contextlib.closing(sqlite3.connect(runs / "deliveries.sqlite")) as database:
+        lane, due = database.execute("SELECT lane, due FROM deliveries WHERE id = ?", (name,)).fetchone()
+        return lane, due
+
+
+def patiently(there: Callable[[], bool], missing: str) -> None:
+    """Returns once it is so. A loaded machine needs time; AssertionError after two minutes."""
+    give_up = time.monotonic() + 120
+    while not there():
+        assert time.monotonic() < give_up, missing
+        time.sleep(0.02)
 
 
 def finished(client: httpx.Client, name: str) -> Delivery:

@@ -8,32 +8,58 @@ import pytest
 from orchestrator.beside import beside
 
 
-async def counted(*pauses_s: float, fails: bool = False) -> AsyncIterator[float]:
-    for pause_s in pauses_s:
-        await asyncio.sleep(pause_s)
-        yield pause_s
-    if fails:
-        raise ValueError("broken")
+class Stream:
+    """Gives what it is handed, when it is handed it; an exception is raised, None ends it."""
+
+    def __init__(self) -> None:
+        self._handed: asyncio.Queue[str | Exception | None] = asyncio.Queue()
+
+    def hand(self, item: str | Exception | None) -> None:
+        self._handed.put_nowait(item)
+
+    async def given(self) -> AsyncIterator[str]:
+        while (item := await self._handed.get()) is not None:
+            if isinstance(item, Exception):
+                raise item
+            yield item
 
 
 async def test_what_two_streams_give_comes_as_it_comes_and_ends_with_the_first() -> None:
-    found = [item async for item in beside(counted(0.0, 0.03, 0.01), counted(0.005, 0.015, 10.0))]
-    assert sorted(found) == [0.0, 0.005, 0.01, 0.015, 0.03]
-    assert found[0] == 0.0
+    first, second = Stream(), Stream()
+    both = beside(first.given(), second.given())
+    for stream, item in ((first, "a"), (second, "b"), (second, "c"), (first, "d")):
+        stream.hand(item)
+        assert await anext(both) == item
+    first.hand(None)
+    assert [item async for item in both] == []
 
 
 async def test_the_second_stream_may_end_before_the_first() -> None:
-    assert [item async for item in beside(counted(0.0, 0.02), counted())] == [0.0, 0.02]
+    first, second = Stream(), Stream()
+    both = beside(first.given(), second.given())
+    second.hand(None)
+    for item in "ab":
+        first.hand(item)
+        assert await anext(both) == item
+    first.hand(None)
+    assert [item async for item in both] == []
 
 
 async def test_what_breaks_one_stream_breaks_both() -> None:
+    first, second = Stream(), Stream()
+    both = beside(first.given(), second.given())
+    first.hand("a")
+    assert await anext(both) == "a"
+    second.hand(ValueError("broken"))
     with pytest.raises(ValueError, match="broken"):
-        [item async for item in beside(counted(0.0, 10.0), counted(0.0, fails=True))]
+        await anext(both)
 
 
 async def test_whoever_leaves_early_leaves_nothing_running() -> None:
     before = asyncio.all_tasks()
-    both = beside(counted(0.0, 10.0), counted(10.0))
-    assert await anext(both) == 0.0
+    first, second = Stream(), Stream()
+    both = beside(first.given(), second.given())
+    first.hand("a")
+    assert await anext(both) == "a"
     await both.aclose()
     assert asyncio.all_tasks() == before

@@ -15,7 +15,7 @@ from service_kit.settings import BadSetting
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import RIG
 from tests.orchestrator.door import BlockSimulators, Door, OneDrone
-from tests.orchestrator.orders import BEHIND, REQUEST, events_of, finished, order, until
+from tests.orchestrator.orders import BEHIND, REQUEST, aloft, events_of, finished, order, patiently, until
 
 
 @pytest.fixture
@@ -45,15 +45,14 @@ def post(client: httpx.Client, **question: object) -> str:
 
 
 def test_each_vehicle_gets_its_next_delivery(open_door) -> None:
-    first, second = (BlockWorld(BEHIND, slow_s=0.05) for _ in range(2))
+    first, second = (BlockWorld(BEHIND, hovers=True) for _ in range(2))
     client = open_door(simulators(first=first, second=second))
     names = [post(client) for _ in range(3)]
-    give_up = time.monotonic() + 10
-    while any(v.state != "flying" for v in fleet_of(client).values()) and time.monotonic() < give_up:
-        time.sleep(0.02)
+    patiently(lambda: all(v.state == "flying" for v in fleet_of(client).values()), "one has no delivery")
     flying = [d for vehicle in fleet_of(client).values() for d in vehicle.deliveries]
     assert len(flying) == 2
     assert set(flying) < set(names)
+    first.hovers = second.hovers = False
     flown = [finished(client, name) for name in names]
     assert {delivery.result.outcome for delivery in flown} == {"delivered"}
     assert {delivery.vehicle for delivery in flown} == {"first", "second"}
@@ -62,13 +61,14 @@ def test_each_vehicle_gets_its_next_delivery(open_door) -> None:
 
 
 def test_a_lost_vehicle_is_marked_and_its_delivery_flown_again_by_another(open_door) -> None:
-    worlds = {"first": BlockWorld(BEHIND, slow_s=0.1), "second": BlockWorld(BEHIND)}
+    worlds = {"first": BlockWorld(BEHIND, hovers=True), "second": BlockWorld(BEHIND, hovers=True)}
     client = open_door(simulators(**worlds))
     name = post(client)
     flown_by = until(client, name, "flying").vehicle
     assert flown_by is not None
     other = next(one for one in worlds if one != flown_by)
     worlds[flown_by].away = True
+    worlds[other].hovers = False
     done = finished(client, name)
     assert (done.result.outcome, done.vehicle, done.flights) == ("delivered", other, 2)
     lost = fleet_of(client)[flown_by]
@@ -80,23 +80,21 @@ def test_a_lost_vehicle_is_marked_and_its_delivery_flown_again_by_another(open_d
 
 
 def test_a_delivery_for_which_no_vehicle_is_left_waits_until_one_is_back(open_door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
+    world = BlockWorld(BEHIND)
     client = open_door(simulators(only=world))
-    name = post(client)
-    until(client, name, "flying")
+    name = aloft(client, world)
     world.away = True
     until(client, name, "waiting")
     assert fleet_of(client)["only"].state == "lost"
-    world.away = False
+    world.away = world.hovers = False
     done = finished(client, name)
     assert (done.result.outcome, done.flights) == ("delivered", 2)
 
 
 def test_a_delivery_that_lost_its_vehicle_as_often_as_may_be_ends_with_that_reason(open_door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
+    world = BlockWorld(BEHIND)
     client = open_door(simulators(only=world), flights=1)
-    name = post(client)
-    until(client, name, "flying")
+    name = aloft(client, world)
     world.away = True
     done = finished(client, name)
     assert (done.result.outcome, done.flights) == ("vehicle_lost", 1)
@@ -104,28 +102,24 @@ def test_a_delivery_that_lost_its_vehicle_as_often_as_may_be_ends_with_that_reas
 
 
 def test_a_simulator_that_forgot_the_drone_flies_the_delivery_again_from_the_start(open_door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
+    world = BlockWorld(BEHIND)
     client = open_door(simulators(only=world))
-    name = post(client)
-    until(client, name, "flying")
-    give_up = time.monotonic() + 10
-    while not world.live and time.monotonic() < give_up:
-        time.sleep(0.01)
+    name = aloft(client, world)
     for vehicle in world.vehicles.values():
         vehicle.released = True
+    world.hovers = False
     done = finished(client, name)
     assert (done.result.outcome, done.flights) == ("delivered", 2)
     assert fleet_of(client)["only"].state == "ready", "it is the drone that is gone"
 
 
 def test_a_service_that_comes_back_in_time_costs_the_delivery_nothing(open_door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
-    client = open_door(simulators(only=world), service_within_s=20.0)
-    name = post(client)
-    until(client, name, "flying")
+    world = BlockWorld(BEHIND)
+    client = open_door(simulators(only=world), service_within_s=120.0)
+    name = aloft(client, world)
     world.away = True
     time.sleep(1.0)
-    world.away = False
+    world.away = world.hovers = False
     done = finished(client, name)
     assert (done.result.outcome, done.flights) == ("delivered", 1)
 
@@ -133,9 +127,7 @@ def test_a_service_that_comes_back_in_time_costs_the_delivery_nothing(open_door)
 def test_a_delivery_without_a_scene_is_flown_by_a_vehicle_that_stands_ready(open_door) -> None:
     drone = BlockVehicle(BEHIND, "e1", RIG)
     client = open_door(OneDrone(drone))
-    give_up = time.monotonic() + 10
-    while fleet_of(client)["hexa"].vehicle is None and time.monotonic() < give_up:
-        time.sleep(0.05)
+    patiently(lambda: fleet_of(client)["hexa"].vehicle is not None, "hexa has not told how it stands")
     hexa = fleet_of(client)["hexa"]
     assert hexa.capabilities is not None
     assert (hexa.state, hexa.capabilities.kind) == ("ready", "block-world")

@@ -1,6 +1,5 @@
 """What the pages ask: the overview, drones, streets, what a customer is shown, and the order form; over real HTTP."""
 
-import time
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -10,7 +9,7 @@ import pytest
 from contracts.overview import DroneSeen, OrderOptions, Overview, Reading, StreetPlan, Tracking
 from tests.mission.block_vehicle import BlockWorld
 from tests.orchestrator.door import BlockSimulators, Door
-from tests.orchestrator.orders import BEHIND, REQUEST, finished, order, until
+from tests.orchestrator.orders import BEHIND, REQUEST, aloft, finished, order, patiently, until
 
 
 @pytest.fixture(scope="module")
@@ -63,13 +62,10 @@ def test_the_overview_tells_deliveries_by_state_outcome_and_words(client: httpx.
 
 
 def test_a_drone_in_the_air_is_told_until_it_is_given_back(client: httpx.Client, world: BlockWorld) -> None:
-    world.pace = 0.15
-    name = post(client, vehicle="first")
-    until(client, name, "flying")
-    give_up = time.monotonic() + 20
-    while (answer := client.get(f"/v1/deliveries/{name}/drone")).status_code == 404 and time.monotonic() < give_up:
-        time.sleep(0.05)
-    seen = DroneSeen.model_validate(answer.json())
+    name = aloft(client, world, vehicle="first")
+    drone = f"/v1/deliveries/{name}/drone"
+    patiently(lambda: client.get(drone).status_code != 404, "the drone is not told")
+    seen = DroneSeen.model_validate(client.get(drone).json())
     assert seen.state.battery.remaining is not None
     (flight,) = [f for f in overview(client).flights if f.delivery == name]
     street = StreetPlan.model_validate(client.get(f"/v1/deliveries/{name}/street").json())
@@ -82,25 +78,24 @@ def test_a_drone_in_the_air_is_told_until_it_is_given_back(client: httpx.Client,
             kind = line.removeprefix("event: ") if line.startswith("event: ") else kind
             if line.startswith("data: ") and kind == "drone":
                 told.append(DroneSeen.model_validate_json(line.removeprefix("data: ")))
-    world.pace = 0.0
+                world.hovers = len(told) < 2
     assert len(told) > 1
     assert all(a.time <= b.time for a, b in pairwise(told))
-    assert error(client.get(f"/v1/deliveries/{name}/drone")) == (404, "not_found")
+    assert error(client.get(drone)) == (404, "not_found")
 
 
 def test_a_drone_that_does_not_tell_is_said_to_be_silent(client: httpx.Client, world: BlockWorld) -> None:
-    world.slow_s = 0.3
-    name = post(client, vehicle="first")
-    until(client, name, "flying")
-    world.away = True
-    time.sleep(0.5)
-    answer = client.get(f"/v1/deliveries/{name}/drone")
+    name = aloft(client, world, vehicle="first")
+    drone = f"/v1/deliveries/{name}/drone"
+    patiently(lambda: client.get(drone).status_code == 200, "the drone is not told")
+    world.silent = True
+    patiently(lambda: client.get(drone).status_code != 200, "what was told last stands")
+    answer = client.get(drone)
     shown = Tracking.model_validate(client.get(f"/v1/deliveries/{name}/tracking").json())
-    world.away, world.slow_s = False, 0.0
-    assert answer.status_code in (404, 503)
-    if answer.status_code == 503:
-        assert "nobody answers" in answer.json()["error"]["message"]
-        assert (shown.drone, shown.silent) == (None, True)
+    world.silent = world.hovers = False
+    assert error(answer) == (503, "drone_silent")
+    assert "nobody answers" in answer.json()["error"]["message"]
+    assert (shown.drone, shown.silent) == (None, True)
     finished(client, name)
 
 

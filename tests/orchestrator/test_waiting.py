@@ -9,32 +9,32 @@ import pytest
 
 from contracts.orchestrator import Delivery
 from tests.mission.block_vehicle import BlockWorld
-from tests.orchestrator.orders import BEHIND, VAGUE, asked, events_of, finished, order, read, until
+from tests.orchestrator.orders import BEHIND, VAGUE, aloft, asked, events_of, finished, order, queued, until
 
 
 def test_a_delivery_that_has_no_room_to_fly_waits_and_is_flown_when_there_is(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
+    world = BlockWorld(BEHIND)
     client = door(world, max_live=1)
-    first = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    until(client, first, "flying")
+    first = aloft(client, world)
     second = client.post("/v1/deliveries", json=order(world)).json()["id"]
     waiting = client.get(f"/v1/deliveries/{second}").json()
     assert (waiting["status"], waiting["started"], waiting["ended"]) == ("waiting", None, None)
     assert client.delete(f"/v1/deliveries/{first}").json()["result"]["outcome"] == "cancelled"
+    world.hovers = False
     flown = finished(client, second)
     assert flown.result.outcome == "delivered"
     assert flown.created <= flown.started <= flown.ended
 
 
-def test_of_those_that_wait_the_one_of_the_highest_priority_is_flown_first(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.05)
+def test_of_those_that_wait_the_one_of_the_highest_priority_is_flown_first(door, runs: Path) -> None:
+    world = BlockWorld(BEHIND)
     client = door(world, max_live=1)
-    flying = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    until(client, flying, "flying")
+    flying = aloft(client, world)
     usual, urgent = (client.post("/v1/deliveries", json=order(world, priority=p)).json()["id"] for p in (0, 9))
     for name in (usual, urgent):
-        read(client, name)
+        queued(runs, name)
     client.delete(f"/v1/deliveries/{flying}")
+    world.hovers = False
     assert finished(client, urgent).ended <= finished(client, usual).started
 
 
@@ -74,16 +74,30 @@ def test_a_delivery_does_not_take_off_before_its_time(door) -> None:
 
 
 @pytest.mark.parametrize("where", ["waiting", "flying", "needs_answer"])
-def test_a_delivery_ends_at_its_deadline_whatever_its_status(door, where: str) -> None:
-    world = BlockWorld(BEHIND, slow_s=1.0)
+def test_a_delivery_ends_at_its_deadline_whatever_its_status(door, runs: Path, where: str) -> None:
+    world = BlockWorld(BEHIND)
     client = door(world, max_live=1)
-    if where == "waiting":
-        until(client, client.post("/v1/deliveries", json=order(world)).json()["id"], "flying")
-    soon = (datetime.now(UTC) + timedelta(seconds=4 if where == "flying" else 2)).isoformat()
-    more = {"request": VAGUE} if where == "needs_answer" else {}
-    name = client.post("/v1/deliveries", json=order(world, deadline=soon, **more)).json()["id"]
-    until(client, name, where)
+    tomorrow = (datetime.now(UTC) + timedelta(days=1)).isoformat()
+    if where == "flying":
+        name = aloft(client, world, deadline=tomorrow)
+    else:
+        aloft(client, world)
+        more = {"request": VAGUE} if where == "needs_answer" else {}
+        name = client.post("/v1/deliveries", json=order(world, deadline=tomorrow, **more)).json()["id"]
+        until(client, name, where)
+    with sqlite3.connect(runs / "deliveries.sqlite") as database:  # however long it took to come here, it is now
+        database.execute("UPDATE deliveries SET deadline = ? WHERE id = ?", (time.time(), name))
     assert finished(client, name).result.outcome == "deadline_passed"
+
+
+def test_a_deadline_is_kept_from_the_moment_of_the_post_on(door) -> None:
+    world = BlockWorld(BEHIND)
+    client = door(world, max_live=1)
+    aloft(client, world)
+    soon = datetime.now(UTC) + timedelta(seconds=1)
+    name = client.post("/v1/deliveries", json=order(world, deadline=soon.isoformat())).json()["id"]
+    ended = finished(client, name)
+    assert (ended.result.outcome, ended.started) == ("deadline_passed", None)
 
 
 @pytest.mark.parametrize(("times", "said"), [((60, 30), "after not_before"), ((None, -1), "it has passed")])
@@ -97,7 +111,7 @@ def test_a_deadline_that_cannot_be_kept_is_refused(door, times: tuple, said: str
 
 
 def test_no_more_deliveries_wait_than_may(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.2)
+    world = BlockWorld(BEHIND)
     client = door(world, max_waiting=2)
     later = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
     taken = [client.post("/v1/deliveries", json=order(world, not_before=later)) for _ in range(3)]
@@ -106,12 +120,9 @@ def test_no_more_deliveries_wait_than_may(door) -> None:
 
 
 def test_a_cancelled_delivery_leaves_a_complete_record_and_no_episode(door, runs: Path) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
+    world = BlockWorld(BEHIND)
     client = door(world)
-    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    give_up = time.monotonic() + 10
-    while not world.live and time.monotonic() < give_up:
-        time.sleep(0.01)
+    name = aloft(client, world)
     cancelled = Delivery.model_validate(client.delete(f"/v1/deliveries/{name}").json())
     assert cancelled.status == "done"
     assert cancelled.result is not None
@@ -143,11 +154,12 @@ def test_a_delivery_that_leaves_something_open_waits_and_an_answer_goes_on_with_
 
 
 def test_an_answer_that_nobody_asked_for_is_refused(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.05)
+    world = BlockWorld(BEHIND)
     client = door(world)
-    name = client.post("/v1/deliveries", json=order(world)).json()["id"]
+    name = aloft(client, world)
     while_flying = client.post(f"/v1/deliveries/{name}/answer", json={"text": "floor 4"})
     assert (while_flying.status_code, while_flying.json()["error"]["code"]) == (409, "nothing_asked")
+    world.hovers = False
     finished(client, name)
     done = client.post(f"/v1/deliveries/{name}/answer", json={"text": "floor 4"})
     assert (done.status_code, "it is done" in done.text) == (409, True)
@@ -191,13 +203,13 @@ def test_deliveries_that_wait_on_the_ground_keep_no_others_from_flying(door) -> 
 
 
 def test_an_answered_delivery_waits_for_its_turn_where_as_many_fly_as_may(door) -> None:
-    world = BlockWorld(BEHIND, slow_s=0.1)
+    world = BlockWorld(BEHIND)
     client = door(world, max_live=1)
     waiting = client.post("/v1/deliveries", json=order(world, request=VAGUE)).json()["id"]
     asked(client, waiting)
-    flying = client.post("/v1/deliveries", json=order(world)).json()["id"]
-    until(client, flying, "flying")
+    flying = aloft(client, world)
     answered = client.post(f"/v1/deliveries/{waiting}/answer", json={"text": "floor 4"})
     assert (answered.status_code, answered.json()["status"]) == (200, "waiting")
     client.delete(f"/v1/deliveries/{flying}")
+    world.hovers = False
     assert finished(client, waiting).result.outcome == "delivered"

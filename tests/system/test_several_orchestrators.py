@@ -1,7 +1,6 @@
 """Several orchestrators on one PostgreSQL: each answers for all deliveries, and what one leaves the others carry on."""
 
 import random
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,6 +10,9 @@ from service_kit.addresses import Addresses
 from tests.postgres import Postgres
 from tests.system.killing import SMALL, fly_while_killed, three_hundred
 from tests.system.orchestrator_process import ForkedOrchestrator, OrchestratorProcess, heard
+
+IN_THE_AIR = 6
+"""So many events have come by the time that the drone flies."""
 
 
 @pytest.fixture
@@ -45,8 +47,7 @@ def test_a_database_that_breaks_off_every_connection_costs_no_delivery(
     two: list[OrchestratorProcess], postgres: Postgres
 ) -> None:
     names = [process.post(**SMALL) for process in two]
-    while two[0].delivery(names[0]).status != "flying":
-        time.sleep(0.05)
+    two[0].events(names[0], until=IN_THE_AIR)
     postgres.restart()
     for name, other in zip(names, two[::-1], strict=True):
         events = heard(other, name)
