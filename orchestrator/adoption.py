@@ -1,6 +1,7 @@
 """Records that no orchestrator has flown, taken into the list: of `logisticsvln deliver`, and of older versions."""
 
 import logging
+import os
 import time
 from datetime import datetime
 from pathlib import Path
@@ -12,11 +13,23 @@ from orchestrator.store.deliveries import DeliveryStore
 log = logging.getLogger("orchestrator.adoption")
 
 
-def adopt(runs: Path, store: DeliveryStore) -> int:
-    """Takes in the records in `runs` that the database does not know and that nobody writes; how many there were."""
-    names = [path.name for path in runs.iterdir() if DELIVERY_ID.fullmatch(path.name)] if runs.is_dir() else []
-    known = store.known(names)
-    return sum(_adopted(runs / name, store) for name in sorted(set(names) - known))
+class Adoption:
+    """Looks into `runs` again and again: the database is asked about a record until it knows it."""
+
+    def __init__(self, runs: Path, store: DeliveryStore) -> None:
+        self._runs = runs
+        self._store = store
+        self._known: set[str] = set()
+
+    def adopt(self) -> int:
+        """Takes in the records that the database does not know and that nobody writes; how many there were."""
+        there = set(os.listdir(self._runs)) if self._runs.is_dir() else set()
+        self._known &= there  # what is thrown away and comes again is asked about again
+        names = sorted(name for name in there - self._known if DELIVERY_ID.fullmatch(name))
+        known = self._store.known(names)
+        adopted = {name for name in names if name not in known and _adopted(self._runs / name, self._store)}
+        self._known |= known | adopted
+        return len(adopted)
 
 
 def _adopted(folder: Path, store: DeliveryStore) -> bool:

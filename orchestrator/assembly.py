@@ -5,7 +5,7 @@ import os
 import uuid
 from functools import partial
 
-from orchestrator.adoption import adopt
+from orchestrator.adoption import Adoption
 from orchestrator.carrier import Carrier
 from orchestrator.deliveries import Bounds, Deliveries
 from orchestrator.engine import Engine
@@ -60,7 +60,8 @@ class Orchestrator:
         store = DeliveryStore(database.engine)
         self._vehicles = VehicleStore(database.engine)
         self._database = database
-        self._store = store
+        # other programs write into a folder, and never into a bucket
+        self._adoption = Adoption(records.files.runs, store) if isinstance(records.files, FolderFiles) else None
         self._records = records
         self._watch = Watch(store)
         intake = Intake(store)
@@ -100,9 +101,8 @@ class Orchestrator:
             self._keeper.every(TELL_EVERY_S, partial(tell_untold, self._upkeep, self._engine))
 
     async def _adopt(self) -> None:
-        """Other programs write into a folder, and never into a bucket."""
-        if isinstance(self._records.files, FolderFiles):
-            await asyncio.to_thread(adopt, self._records.files.runs, self._store)
+        if self._adoption is not None:
+            await asyncio.to_thread(self._adoption.adopt)
 
     async def usable(self) -> str | None:
         """What is wrong with the database; null when all is well."""
