@@ -15,6 +15,8 @@ from service_kit.settings import BadSetting
 T = TypeVar("T")
 BUSY_S = 30
 POOL = 20
+SQLITE_KEPT = 6
+"""Connections that stay open; what more a burst needs is closed after it."""
 CACHE_KB = 256
 """Of each connection; it is of no use beyond a transaction, as every other connection's write empties it."""
 
@@ -113,9 +115,10 @@ def _alone(file: Path) -> TextIO:
 
 def _sqlite_engine(url: sa.URL, synchronous: Literal["FULL", "NORMAL"]) -> sa.Engine:
     """Writers take turns from the beginning of a transaction. With FULL each commit is synced to the disk; with NORMAL
-    it is with the next one that is. The connection that was used last is used next: each one that is used comes to
-    keep up to a megabyte of pages and statements."""
-    engine = sa.create_engine(url, pool_size=POOL, max_overflow=POOL, pool_use_lifo=True)
+    it is with the next one that is. Few connections stay open, and the one that was used last is used next: each one
+    that is used comes to keep half a megabyte of pages and statements."""
+    most = 2 * POOL
+    engine = sa.create_engine(url, pool_size=SQLITE_KEPT, max_overflow=most - SQLITE_KEPT, pool_use_lifo=True)
 
     def prepare(connection: Any, _: object) -> None:
         connection.isolation_level = "IMMEDIATE"

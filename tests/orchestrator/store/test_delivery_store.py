@@ -1,5 +1,6 @@
 """What deliveries' tables promise, over SQLite and PostgreSQL."""
 
+import contextlib
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,7 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy import event
 
-from orchestrator.store.database import Database
+from orchestrator.store.database import SQLITE_KEPT, Database
 from orchestrator.store.deliveries import DeliveryStore, Following, Superseded, mark_queued
 from orchestrator.store.executors import ExecutorStore
 from orchestrator.store.lines import LineStore
@@ -256,6 +257,18 @@ def test_how_long_the_last_flights_took_is_found_without_reading_every_delivery(
         plan = connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {sql}", values).all()
     opened.close()
     assert ["deliveries_ended" in step.detail for step in plan] == [True], plan
+
+
+def test_connections_that_a_burst_opened_to_sqlite_are_closed_after_it(tmp_path: Path) -> None:
+    opened = Database(f"sqlite:///{tmp_path / 'deliveries.sqlite'}")
+    closed: list[object] = []
+    sa.event.listen(opened.engine, "close", lambda connection, _: closed.append(connection))
+    with contextlib.ExitStack() as burst:
+        for _ in range(30):
+            burst.enter_context(opened.engine.connect()).execute(sa.text("SELECT 1"))
+        assert closed == []
+    assert len(closed) == 30 - SQLITE_KEPT
+    opened.close()
 
 
 def test_in_sqlite_deliveries_are_synced_to_the_disk_at_every_commit_and_the_engines_notes_with_them(
