@@ -13,15 +13,14 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from contracts.base import Name, Radians, Wire
+from contracts.base import Name, Radians, Rgb, Wire
 from contracts.footprint import footprint_problem
 from contracts.geometry import Point2, Point3
+from contracts.scene_traffic import Traffic, same_names
 from contracts.sensor_profiles import sensor_names
 
 SCHEMA_KEY = "$schema"
 BuildingKind = Literal["low_rise", "high_rise", "villa", "cultural"]
-Rgb = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
-"""A colour as #rrggbb in lower case, sRGB."""
 
 
 class FacadeStyle(Wire):
@@ -218,6 +217,7 @@ class Scene(Wire):
     air: Air = Field(default=CALM, exclude_if=lambda air: air == CALM)
     start: Start
     sensors: Name | None = Field(default=None, exclude_if=lambda name: name is None)
+    traffic: Traffic = Field(default=(), exclude_if=lambda movers: not movers)
 
     @model_validator(mode="before")
     @classmethod
@@ -233,6 +233,8 @@ class Scene(Wire):
         names = [o.id for o in self.objects]
         if len(set(ids)) != len(ids) or len(set(names)) != len(names):
             raise ValueError("ids of buildings and of objects must be unique")
+        if twice := same_names(self.traffic):
+            raise ValueError(f"ids of traffic must be unique; more than one mover is called {', '.join(twice)}")
         if self.target not in ids:
             raise ValueError(f"target {self.target!r} is not a building of the scene; there are {ids}")
         if self.sensors is not None and self.sensors not in sensor_names():

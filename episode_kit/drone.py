@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 from contracts.geometry import Point3, Pose
 from contracts.sim import Flight
 from contracts.vehicle import Battery, FlightMode, Health, VehicleState
+from episode_kit.encounters import Movers, met_braking, met_on_the_way
 from episode_kit.kinematics import Vector, wrapped
 from episode_kit.odometry import Odometry, Way
 from episode_kit.trajectory import Course, Flown, Planner
@@ -47,10 +48,12 @@ class Drone:
         *,
         roof_m: float,
         underground_m: float = UNDERGROUND_M,
+        movers: Movers | None = None,
     ) -> None:
         """`roof_m`: the highest roof, over which it flies home; `underground_m`: a height that lies under the ground
-        everywhere."""
+        everywhere; `movers`: what the planner knows nothing of, null: nothing moves but the drone."""
         self._planner = planner
+        self._movers = movers
         self._flight = flight
         self._underground_m = underground_m
         self._odometry = odometry
@@ -98,6 +101,14 @@ class Drone:
         """A pose of this flight as the drone's odometry has it."""
         return self._odometry.believed(pose, _way(self._now) if self._now is not None else Way())
 
+    def clock_s(self, looks: int) -> float:
+        """What the vehicle's clock shows after so many looks, also on the way."""
+        return self._flight_s + (self._now.flight_s if self._now else 0.0) + looks * LOOK_S
+
+    def struck(self, name: str) -> None:
+        """Something has run into it where it hovers."""
+        self._hit = self._hit or name
+
     def put(self, pose: Pose, hit: str | None) -> None:
         """Somebody else has flown it straight to `pose`; `hit`: what was on that way."""
         here, there = _vector(self._pose), _vector(pose)
@@ -133,7 +144,7 @@ class Drone:
             id=name,
             mode=self._mode,
             pose=self._odometry.reading(self.believed(self.pose), (moves, looks)),
-            time_s=flight_s + looks * LOOK_S,
+            time_s=self.clock_s(looks),
             uncertainty=self._odometry.uncertainty(
                 Way(self._path_m + (now.path_m if now else 0.0), horizontal_m, flight_s)
             ),
@@ -171,6 +182,10 @@ class Drone:
         trajectory = self._trajectory
         if trajectory is None:
             return None
+        if self._movers is not None:
+            met = met_on_the_way(self._movers, trajectory, self._flight_s, self._time_s, time_s)
+            if met is not None:
+                return self._end(met, struck=True)
         if time_s >= trajectory.duration_s:
             return self._end(trajectory.end)
         self._time_s = time_s
@@ -181,6 +196,10 @@ class Drone:
         """Brakes, and holds; how far the flight came, null where none was under way."""
         if self._trajectory is None:
             return None
+        if self._movers is not None:
+            met = met_braking(self._movers, self._trajectory, self._flight_s, self._time_s)
+            if met is not None:
+                return self._end(met, struck=True)
         return self._end(self._trajectory.stopped_at(self._time_s))
 
     def _begin(self, doing: Doing, path: Sequence[Vector], yaw: float | None) -> None:
@@ -188,8 +207,9 @@ class Drone:
         self._time_s, self._now, self._mode = 0.0, None, doing
         self._trajectory = trajectory
 
-    def _end(self, flown: Flown) -> Flown:
-        touched_down = self._mode == "landing" and flown.hit is not None
+    def _end(self, flown: Flown, *, struck: bool = False) -> Flown:
+        """`struck`: by something that moves, on which nobody lands."""
+        touched_down = self._mode == "landing" and flown.hit is not None and not struck
         self._mode = "landed" if touched_down else "holding"
         if not touched_down:
             self._hit = self._hit or flown.hit

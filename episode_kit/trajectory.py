@@ -1,8 +1,8 @@
 """A flight planned to its end: straight legs, stopped by whatever is in the way, then the turn.
 
-Nothing in a scene moves but the drone, so a flight's course is known as soon as it is planned, contacts included. It
-is then flown along this course, and may be broken off at any moment: a drone that is told to stop brakes as hard as it
-may.
+What stands in a scene stands still, so a flight's course is known as soon as it is planned, contacts with it included.
+It is then flown along this course, and may be broken off at any moment: by what moves (`episode_kit.encounters`), or by
+whoever tells the drone to stop, which then brakes as hard as it may.
 """
 
 import math

@@ -26,6 +26,7 @@ _SIDE, _EDGE, _LINE = 640, 20, 26
 _PAPER, _INK, _SOFT = (250, 249, 246), (43, 52, 64), (138, 148, 160)
 _TARGET, _NEIGHBOUR, _GRASS, _TREE = (214, 200, 176), (206, 209, 213), (236, 240, 231), (188, 206, 176)
 _OPEN, _START, _GOAL, _THING = (120, 170, 120), (52, 110, 190), (196, 58, 50), (120, 110, 150)
+_WAYS = {"person": (150, 90, 40), "car": (90, 96, 104), "bird": (80, 130, 190)}
 _WEIGHTS = {"error": (196, 58, 50), "warning": (138, 90, 0)}
 _ROUND_M = 24.0
 _WINDOW_OFF_M = 5.0
@@ -37,7 +38,9 @@ def draw_preview(
 ) -> None:
     """Writes the PNG; without a simulator, for a scene that can't be flown in, the plan alone. Raises SimulatorFault,
     OSError."""
-    views = [("Plan: green, where a drone may start; blue, its start; red, the goal", plan_view(scene, starts))]
+    lines_too = "; lines, traffic" if scene.traffic else ""
+    plan_says = f"Plan: green, where a drone may start; blue, its start; red, the goal{lines_too}"
+    views = [(plan_says, plan_view(scene, starts))]
     if simulator is not None:
         views += [(title, look(scene, simulator)) for title, look in _looks(scene)]
     lines = [(line, _WEIGHTS[p.weight]) for p in problems for line in wrapped(f"{p.weight}: {p.text}", _wide(2), 18)]
@@ -102,6 +105,9 @@ def _ground(image: Image, scene: Scene, px: Callable[[float, float], tuple[int, 
         cv2.circle(image, at, max(2, round(tree.crown_m * scale)), _TREE, -1, cv2.LINE_AA)
     for car in scene.ground.cars:
         cv2.circle(image, px(car.position.x, car.position.y), max(2, round(1.2 * scale)), _SOFT, -1, cv2.LINE_AA)
+    for mover in scene.traffic:
+        corners = np.array([px(p.x, p.y) for p in mover.way], np.int32)
+        cv2.polylines(image, [corners], mover.kind == "bird", _WAYS[mover.kind], 1, cv2.LINE_AA)
 
 
 def _looks(scene: Scene) -> list[tuple[str, Callable[[Scene, SimClient], Image]]]:

@@ -1,5 +1,6 @@
-"""A flight by dynamics, flown in advance to its end, as a kinematic one is planned: nothing in a scene moves but the
-drone, so what it will do is known as soon as the wind is drawn. It may be broken off at any moment."""
+"""A flight by dynamics, flown in advance to its end, as a kinematic one is planned: what it will do among things that
+stand still is known as soon as the wind is drawn. It may be broken off at any moment, also by what moves
+(`episode_kit.encounters`)."""
 
 import math
 from bisect import bisect_right

@@ -17,6 +17,7 @@ from service_kit.errors import Conflict
 from services.sim.catalogue.registry import names_of
 from services.sim.dynamic_flight import Pilot
 from services.sim.scenes import ReadyScene, check_start
+from services.sim.traffic import Traffic
 from services.sim.world import GROUND, World
 
 SAME_STOP_M, SAME_STOP_RAD = 0.5, math.radians(10.0)
@@ -52,7 +53,12 @@ class LiveEpisode(FlyingEpisode):
             noise_seed=question.seed,
             start=(pose.x, pose.y),
         )
-        drone = Drone(self._planner(question), flight, pose, odometry, roof_m=ready.blueprint.roof_m)
+        self._traffic = (
+            Traffic(ready.scene, flight.radius_m, lambda: self.observations) if ready.scene.traffic else None
+        )
+        drone = Drone(
+            self._planner(question), flight, pose, odometry, roof_m=ready.blueprint.roof_m, movers=self._traffic
+        )
         about = About("simulator", ready.scene.name, renderer, renderer_detail, self.sensors.label)
         super().__init__(episode_id, about, drone, flight, question.rig)
 
@@ -66,6 +72,23 @@ class LiveEpisode(FlyingEpisode):
             if fault.kind == "pose_jump" and fault.first_look == number:
                 self.drone.jump(fault.jump_m)
         return self.drone.state(self.id, self.moves, number)
+
+    @property
+    def time_s(self) -> float:
+        """What the vehicle's clock shows."""
+        return self.drone.clock_s(self.observations)
+
+    def looked(self, number: int, pose: Pose) -> None:
+        """Time goes on while a hovering drone looks, and so does what moves."""
+        before_s = self.time_s
+        super().looked(number, pose)
+        self._watch_traffic(before_s)
+
+    def _watch_traffic(self, before_s: float) -> None:
+        if self._traffic is not None and not self.drone.flies:
+            hit = self._traffic.strikes(_place(self.drone.pose), before_s, self.time_s)
+            if hit is not None:
+                self.drone.struck(hit)
 
     def has(self, fault: FaultKind, look: int) -> bool:
         """Whether that fault was asked for at that look."""
@@ -81,6 +104,8 @@ class LiveEpisode(FlyingEpisode):
         end = (there.x, there.y, there.z)
         hit = self._world.sweep((here.x, here.y, here.z), end).hit or self._world.touching(end)
         hit = None if report.grounded and hit == GROUND else hit
+        if hit is None and self._traffic is not None:
+            hit = self._traffic.strikes(end, self.time_s, self.time_s)
         self.drone.put(there, hit)
         self._flown_outside = True
         return PoseJudged(collided=self.drone.collided, hit=hit)
@@ -108,3 +133,7 @@ class LiveEpisode(FlyingEpisode):
         if model == "quadrotor":
             return Pilot(self._world, question.flight, wind, self.seeds)
         return KinematicPlanner(self._world, question.flight)
+
+
+def _place(pose: Pose) -> Vector:
+    return pose.x, pose.y, pose.z

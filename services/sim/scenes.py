@@ -19,6 +19,7 @@ from episode_kit.kinematics import Vector
 from navigation.polygon import inside
 from service_kit.errors import BadQuestion
 from services.sim.geometry.scene_mesh import SceneMesh, UnknownObject
+from services.sim.traffic import Traffic, check_traffic
 from services.sim.truth import WayHome
 from services.sim.world import Blueprint, World
 
@@ -68,6 +69,7 @@ def check(scene: Scene) -> None:
     """What the document's own type can't see. Raises BadQuestion."""
     half = scene.ground.half_size_m
     windows = 0
+    check_traffic(scene)
     for building in scene.buildings:
         corner = max(max(abs(p.x), abs(p.y)) for p in building.footprint)
         if corner > half:
@@ -118,6 +120,13 @@ def check_start(ready: ReadyScene, world: World) -> None:
             f"the drone would {where} at its start ({start.x:g}, {start.y:g}, {start.z:g}); it is a sphere of radius "
             f"{world.radius_m:g} m and the world reaches {half:g} m from the origin and "
             f"{ready.blueprint.ceiling_m:g} m up",
+            code="bad_start",
+        )
+    met = Traffic(ready.scene, world.radius_m, lambda: 0).strikes(position, 0.0, 0.0)
+    if met is not None:
+        raise BadQuestion(
+            f"{met} of the traffic would touch the drone at its start ({start.x:g}, {start.y:g}, {start.z:g}); give it "
+            "another phase or another way",
             code="bad_start",
         )
 

@@ -23,9 +23,11 @@ T = TypeVar("T")
 
 
 class _Labels(NamedTuple):
-    """The ids that were drawn beside the last pictures: until the drone moves they are the truth's pictures too."""
+    """The ids that were drawn beside the last pictures: until the drone moves they are the truth's pictures too, and
+    where there is traffic, of the same moment."""
 
     pose: Pose
+    time_s: float
     views: dict[Camera, Ids]
 
 
@@ -33,7 +35,7 @@ class _Taken(NamedTuple):
     """Views of one moment, and what the vehicle's clock showed then."""
 
     views: tuple[SensedView, ...]
-    time_s: float | None
+    time_s: float
     timings_s: dict[str, float]
 
 
@@ -59,12 +61,12 @@ class Senses:
         chosen = chosen_cameras(episode.rig.cameras, cameras)
         number = episode.observations + 1
         frozen = episode.has("frozen", number)
-        state, pose = episode.state_at_look(number), episode.drone.pose
+        state, pose, time_s = episode.state_at_look(number), episode.drone.pose, episode.drone.clock_s(number)
         if not frozen:
             self._frozen = None
         elif self._frozen is None:
-            self._frozen = await self._taken(episode.rig.cameras, number, pose, state.time_s, depth=True)
-        taken = self._frozen or await self._taken(chosen, number, pose, state.time_s, depth=depth)
+            self._frozen = await self._taken(episode.rig.cameras, number, pose, time_s, depth=True)
+        taken = self._frozen or await self._taken(chosen, number, pose, time_s, depth=depth)
         by_name = {view.camera.name: view if depth else view.model_copy(update={"depth": None}) for view in taken.views}
         episode.looked(number, pose)
         return Observation(
@@ -78,7 +80,7 @@ class Senses:
         )
 
     async def _taken(
-        self, chosen: tuple[Camera, ...], number: int, pose: Pose, time_s: float | None, *, depth: bool
+        self, chosen: tuple[Camera, ...], number: int, pose: Pose, time_s: float, *, depth: bool
     ) -> _Taken:
         """Draws, and senses and encodes each picture and each depth map as work of its own: OpenCV and the encoders let
         other threads run meanwhile."""
@@ -88,10 +90,10 @@ class Senses:
         started = time.perf_counter()
         drawn = await draw(
             self._renderer,
-            lambda renderer: renderer.render(uploaded, pose, chosen, labelled=labelled, panes=panes),
+            lambda renderer: renderer.render(uploaded, pose, chosen, time_s, labelled=labelled, panes=panes),
         )
         if drawn.ids is not None:
-            self._labels = _Labels(pose, dict(zip(chosen, drawn.ids, strict=True)))
+            self._labels = _Labels(pose, time_s, dict(zip(chosen, drawn.ids, strict=True)))
         rendered = time.perf_counter()
         look = Look(number, pose, moving, blind=episode.has("no_depth", number))
         seen = list(zip(frames_of(drawn), chosen, strict=True))
@@ -113,12 +115,13 @@ class Senses:
         cameras = question.cameras
         if cameras:
             check(cameras)
+        time_s = self._episode.time_s
         known = self._labels
-        if known is None or known.pose != pose:
-            known = _Labels(pose, {})
+        if known is None or known.pose != pose or (ready.mesh.moving and known.time_s != time_s):
+            known = _Labels(pose, time_s, {})
         missing = tuple(camera for camera in dict.fromkeys(cameras) if camera not in known.views)
         if missing:
-            ids = await draw(self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, missing))
+            ids = await draw(self._renderer, lambda renderer: renderer.render_ids(uploaded, pose, missing, time_s))
             known.views.update(zip(missing, ids, strict=True))
             self._labels = known
 

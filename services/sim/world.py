@@ -1,7 +1,7 @@
 """The solid world of one episode in PyBullet: what the drone can touch and what a line of sight can hit.
 
-Every world has a physics client of its own, so episodes can't see each other. Everything in it stands still; the
-drone is a sphere that is put where a question is asked. Metres, ENU.
+Every world has a physics client of its own, so episodes can't see each other. Everything in it stands still (what
+moves is in `services.sim.traffic`); the drone is a sphere that is put where a question is asked. Metres, ENU.
 """
 
 import math

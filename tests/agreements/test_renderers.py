@@ -1,19 +1,24 @@
 """What every renderer must do alike: the camera, the depth, the ids. Run over OpenGL and over TinyRenderer."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import cos, pi, radians, sin
 
 import numpy as np
 import pytest
+import shapely
 
 from contracts.cameras import Camera, MountingOffset, pinhole_camera
-from contracts.geometry import Pose
+from contracts.geometry import Point2, Pose
 from contracts.scene import Light
+from contracts.scene_traffic import Person
+from services.sim.geometry.courses import Course
 from services.sim.geometry.mesh import Mesh, concatenate
-from services.sim.geometry.parts import Assembly
+from services.sim.geometry.parts import Assembly, Part
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.geometry.solids import box, ellipsoid, quad
 from services.sim.geometry.textures import base_textures
+from services.sim.geometry.traffic import MovingPart
 from services.sim.render.gl import GlRenderer
 from services.sim.render.tiny import TinyRenderer
 from services.sim.render.views import RenderedViews, Renderer, eye_of, project, view_axes
@@ -236,3 +241,23 @@ def test_both_renderers_see_the_same_silhouettes_and_depths() -> None:
     # the software renderer's depth buffer loses digits with the distance
     assert (np.abs(da[near] - db[near]) <= 0.004 + 0.0005 * da[near]).mean() > 0.999
     gl.close()
+
+
+def test_what_moves_is_drawn_and_labelled_where_it_is_at_the_moment_of_the_look(renderer: Renderer) -> None:
+    way = (Point2(x=0.0, y=-20.0), Point2(x=0.0, y=20.0))
+    person = Person(id="anna", way=way, phase=0.25, speed_m_s=1.0)
+    still = scene_of(box((60, 60, 1), (0, 0, -0.5)))
+    walking = MovingPart(2, Course(person, shapely.Polygon()), (box((0.5, 0.5, 1.75), (0, 0, 0.875), "#c02020"),))
+    scene = replace(still, parts=(*still.parts, Part(2, "traffic", "anna")), moving=(walking,))
+    pose = Pose(x=-8.0, y=0.0, z=1.0, yaw=0.0)
+    uploaded = renderer.upload(scene)
+    for time_s in (0.0, 2.0, 0.0):
+        views = renderer.render(uploaded, pose, (FRONT,), time_s, labelled=True)
+        assert views.ids is not None
+        hers = views.ids[0] == 2
+        column = FRONT.cx_px - FRONT.fx_px * time_s / 8.0
+        assert np.nonzero(hers)[1].mean() == pytest.approx(column, abs=3.0)
+        assert np.median(views.depth_m()[0][hers]) == pytest.approx(7.75, abs=0.02)
+        red, _, blue = views.rgb[0][hers].mean(axis=0)
+        assert red > 2.0 * blue
+    uploaded.release()

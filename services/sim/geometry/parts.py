@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from services.sim.geometry.mesh import Mesh, concatenate
 
-PartKind = Literal["building", "object", "surroundings"]
+PartKind = Literal["building", "object", "surroundings", "traffic"]
 
 
 class Part(NamedTuple):

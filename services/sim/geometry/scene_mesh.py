@@ -16,6 +16,7 @@ from services.sim.geometry.parts import Assembly, Chunk, Part, PartKind, Solid
 from services.sim.geometry.placing import keeps_sill, placed
 from services.sim.geometry.street import LAMP_M, LAMP_REACH_M, build_surroundings
 from services.sim.geometry.textures import TextureSet
+from services.sim.geometry.traffic import MovingPart, build_traffic
 
 __all__ = [
     "Chunk",
@@ -46,7 +47,7 @@ class UnknownObject(ValueError):
 class SceneMesh:
     """The whole scene. `part_of` (N,) gives each vertex the id of its part; shadows are sharpest about `focus`.
     `occluders` as in `geometry.occluders`. `lamps` (K, 3): where street lamps give light after dark; `seed`: of which
-    windows are lit then."""
+    windows are lit then. `moving`: what is not in `mesh`, since it has no place there to stay."""
 
     mesh: Mesh
     part_of: NDArray[np.uint16]
@@ -60,6 +61,7 @@ class SceneMesh:
     air: Air = CALM
     lamps: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
     seed: int = 0
+    moving: tuple[MovingPart, ...] = ()
 
     def part(self, kind: PartKind, name: str) -> Part:
         """Raises KeyError."""
@@ -100,6 +102,7 @@ def build_scene_mesh(scene: Scene, build_object: ObjectBuilder, textures: Textur
     holders = [holder for _, holder in objects if holder is not None]
     assembly.draw(len(assembly.parts), holders)
     assembly.block(len(assembly.parts), holders)
+    moving = build_traffic(assembly, scene)
     target = scene.building(scene.target)
     middle = np.array([(p.x, p.y) for p in target.footprint]).mean(axis=0)
     owners = [np.full(m.vertex_count, o, np.uint16) for m, o in zip(assembly.meshes, assembly.owners, strict=True)]
@@ -116,4 +119,5 @@ def build_scene_mesh(scene: Scene, build_object: ObjectBuilder, textures: Textur
         scene.air,
         np.array([(lamp.x, lamp.y + LAMP_REACH_M, LAMP_M) for lamp in scene.ground.lamps], np.float64).reshape(-1, 3),
         scene.seed,
+        moving,
     )

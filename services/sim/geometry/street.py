@@ -94,8 +94,7 @@ def _lie(
 ) -> _Lie:
     """The same in every scene of a street, whatever its seed."""
     carriage = unary_union([shape.Polygon(_strip(r, r.width_m / 2)) for r in ways])
-    pavement = unary_union([shape.Polygon(_strip(r, r.width_m / 2 + r.pavement_m)) for r in ways])
-    pavement = pavement.difference(carriage)
+    pavement = pavement_of(ways)
     aprons = [shape.Polygon(grown(plan_of([(p.x, p.y) for p in footprint]), 1.2)) for footprint in footprints]
     apron = unary_union(aprons).difference(unary_union([carriage, pavement]))
     rest = shape.box(-half, -half, half, half).difference(unary_union([carriage, pavement, apron]))
@@ -112,6 +111,14 @@ def _lie(
                 rows.append(tuple(row))
                 row = []
     return _Lie(len(pieces), tuple(rows), tuple(_polygons(apron)), tuple(_polygons(pavement)))
+
+
+@lru_cache(maxsize=16)
+def pavement_of(ways: tuple[Road, ...]) -> shape.base.BaseGeometry:
+    """What lies a kerb above the rest of the ground, on the plan."""
+    carriage = unary_union([shape.Polygon(_strip(r, r.width_m / 2)) for r in ways])
+    both = unary_union([shape.Polygon(_strip(r, r.width_m / 2 + r.pavement_m)) for r in ways])
+    return both.difference(carriage)
 
 
 def _strip(road: Road, half_width_m: float) -> list[tuple[float, float]]:
@@ -164,13 +171,14 @@ def _kerbs(piece: shape.Polygon) -> list[Mesh]:
 
 def _car(car: Car, rng: np.random.Generator) -> Mesh:
     """A small saloon or hatchback, nose along +x."""
-    return _car_shape(car.colour, bool(rng.random() < 0.5)).transformed(
+    return car_shape(car.colour, bool(rng.random() < 0.5)).transformed(
         yaw=car.yaw, move=(car.position.x, car.position.y, 0.02)
     )
 
 
 @lru_cache(maxsize=256)
-def _car_shape(paint: str, estate: bool) -> Mesh:
+def car_shape(paint: str, estate: bool) -> Mesh:
+    """Nose along +x, wheels on z = 0."""
     glass = "#1f272e"
     lower = [(-2.1, 0.32), (2.1, 0.32), (2.15, 0.62), (1.95, 0.80), (0.95, 0.92), (-1.75, 0.95), (-2.12, 0.85)]
     tail = -1.95 if estate else -1.45

@@ -82,9 +82,17 @@ class GlRenderer:
         return uploaded
 
     def render(
-        self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False, panes: bool = False
+        self,
+        uploaded: GlScene,
+        pose: Pose,
+        cameras: Sequence[Camera],
+        time_s: float = 0.0,
+        *,
+        labelled: bool = False,
+        panes: bool = False,
     ) -> RenderedViews:
         """Picture and depth of each camera, ids and panes where asked for. Raises ValueError beyond the limits."""
+        _place(uploaded, pose, time_s)
         rgb: dict[int, NDArray[np.uint8]] = {}
         depth: dict[int, NDArray[np.uint16]] = {}
         ids: dict[int, NDArray[np.uint16]] = {}
@@ -110,8 +118,11 @@ class GlRenderer:
             tuple(glass[i] for i in order) if panes else None,
         )
 
-    def render_ids(self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera]) -> tuple[NDArray[np.uint16], ...]:
+    def render_ids(
+        self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera], time_s: float = 0.0
+    ) -> tuple[NDArray[np.uint16], ...]:
         """(H, W) ids of parts of each camera. Raises ValueError beyond the limits."""
+        _place(uploaded, pose, time_s)
         ids: dict[int, NDArray[np.uint16]] = {}
         for batch in _batches(cameras):
             chosen = [cameras[i] for i in batch]
@@ -183,7 +194,6 @@ class GlRenderer:
         program = uploaded.programs[what]
         if what in self._skies:
             self._set_light(uploaded, program, self._skies[what].program)
-        vertices = {"scene": uploaded.views, "labelled": uploaded.labelled, "ids": uploaded.ids}[what]
         seen: dict[bytes, Seen] = {}  # mostly all cameras are in one place
         for i, camera in enumerate(cameras):
             axes, eye = view_axes(pose, camera), eye_of(pose, camera)
@@ -197,10 +207,9 @@ class GlRenderer:
             set_matrix(program, "to_clip", clip_matrix(axes, eye, camera))
             if "eye" in program:
                 program["eye"] = tuple(eye)
-            faces = seen[eye.tobytes()].towards(axes, camera)
-            if len(faces):
-                uploaded.chosen.write(faces.data)
-                vertices.render(vertices=faces.size)
+            uploaded.still.draw(what, seen[eye.tobytes()].towards(axes, camera))
+            if uploaded.moving is not None:
+                uploaded.moving.draw(what, eye, axes, camera)
             if what in self._skies:
                 self._draw_sky(uploaded, axes, camera, what)
 
@@ -253,6 +262,11 @@ class GlRenderer:
         program["thickness"] = extinction_per_m(uploaded.scene.air) * THICK_M
         program["slopes"], program["surface"] = SKY_SLOPES, 0
         uploaded.textures.use(0)
+
+
+def _place(uploaded: GlScene, pose: Pose, time_s: float) -> None:
+    if uploaded.moving is not None:
+        uploaded.moving.place(time_s, pose)
 
 
 def _batches(cameras: Sequence[Camera]) -> list[list[int]]:

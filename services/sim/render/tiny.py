@@ -7,7 +7,7 @@ atlas, because a body has one texture.
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil, sqrt
+from math import ceil, cos, sin, sqrt
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,7 @@ from contracts.cameras import Camera
 from contracts.geometry import Pose
 from contracts.images import DEPTH_METRES_PER_UNIT, NO_RETURN
 from services.sim.bullet import pybullet
-from services.sim.geometry.mesh import Mesh
+from services.sim.geometry.mesh import Mesh, concatenate
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.physics_meshes import visual_mesh
 from services.sim.render.light import WEATHER, airlight, extinction_per_m, sun_direction
@@ -35,7 +35,7 @@ class TinyScene:
     """One scene in a PyBullet client of its own."""
 
     def __init__(self, scene: SceneMesh) -> None:
-        scene = _one_colour_per_face(scene)
+        scene = _one_colour_per_face(_with_movers(scene))
         self.scene = scene
         self.client = pybullet.connect(pybullet.DIRECT)
         self.part_of_body = np.zeros(1, np.uint16)
@@ -53,6 +53,8 @@ class TinyScene:
         self.part_of_body = np.zeros(max(bodies, default=0) + 2, np.uint16)
         for body, part in bodies.items():
             self.part_of_body[body] = part
+        moving = {part.part: part for part in scene.moving}
+        self._moving = [(body, moving[part]) for body, part in bodies.items() if part in moving]
 
     def _body(self, faces: NDArray[np.uint32], uv: NDArray[np.float32], texture: int) -> int:
         used, indices = np.unique(faces, return_inverse=True)
@@ -61,6 +63,14 @@ class TinyScene:
         body = int(pybullet.createMultiBody(0, -1, shape, physicsClientId=self.client))
         pybullet.changeVisualShape(body, -1, textureUniqueId=texture, physicsClientId=self.client)
         return body
+
+    def place(self, time_s: float, pose: Pose) -> None:
+        """Puts what moves where it is at that time; it has one shape alone, so that nobody's legs swing."""
+        drone = np.array((pose.x, pose.y, pose.z))
+        for body, part in self._moving:
+            x, y, z, yaw = part.place(time_s, drone)
+            turned = (0.0, 0.0, sin(yaw / 2.0), cos(yaw / 2.0))
+            pybullet.resetBasePositionAndOrientation(body, (x, y, z), turned, physicsClientId=self.client)
 
     def release(self) -> None:
         pybullet.disconnect(self.client)
@@ -78,11 +88,19 @@ class TinyRenderer:
         return TinyScene(scene)
 
     def render(
-        self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False, panes: bool = False
+        self,
+        uploaded: TinyScene,
+        pose: Pose,
+        cameras: Sequence[Camera],
+        time_s: float = 0.0,
+        *,
+        labelled: bool = False,
+        panes: bool = False,
     ) -> RenderedViews:
         """Picture and depth of each camera, ids where asked for; panes are not told. Raises ValueError beyond the
         limits."""
         check_cameras(cameras)
+        uploaded.place(time_s, pose)
         rgb, depth, ids = [], [], []
         for camera in cameras:
             colour, buffer, bodies = _picture(uploaded, pose, camera)
@@ -95,9 +113,12 @@ class TinyRenderer:
             ids.append(uploaded.part_of_body[bodies])
         return RenderedViews(tuple(rgb), tuple(depth), tuple(ids) if labelled else None)
 
-    def render_ids(self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera]) -> tuple[NDArray[np.uint16], ...]:
+    def render_ids(
+        self, uploaded: TinyScene, pose: Pose, cameras: Sequence[Camera], time_s: float = 0.0
+    ) -> tuple[NDArray[np.uint16], ...]:
         """(H, W) ids of parts of each camera. Raises ValueError beyond the limits."""
         check_cameras(cameras)
+        uploaded.place(time_s, pose)
         return tuple(uploaded.part_of_body[_picture(uploaded, pose, camera)[2]] for camera in cameras)
 
     def close(self) -> None:
@@ -172,6 +193,16 @@ def _through_air(scene: SceneMesh, picture: NDArray[np.uint8], metres: NDArray[n
     left = np.exp(-thick * metres)[..., None]
     linear = (picture / 255.0) ** 2 * left + np.array(airlight(scene.light)) * (1.0 - left)
     return np.asarray(np.rint(np.sqrt(linear) * 255), np.uint8)
+
+
+def _with_movers(scene: SceneMesh) -> SceneMesh:
+    """What moves, each about the origin, after all that stands still."""
+    if not scene.moving:
+        return scene
+    shapes = [part.frames[0] for part in scene.moving]
+    owners = [np.full(mesh.vertex_count, part.part) for mesh, part in zip(shapes, scene.moving, strict=True)]
+    part_of = np.concatenate([scene.part_of, *owners]).astype(np.uint16)
+    return replace(scene, mesh=concatenate([scene.mesh, *shapes]), part_of=part_of)
 
 
 def _one_colour_per_face(scene: SceneMesh) -> SceneMesh:

@@ -50,13 +50,23 @@ class Renderer(Protocol):
     def upload(self, scene: SceneMesh) -> Uploaded: ...
 
     def render(
-        self, uploaded: Any, pose: Pose, cameras: Sequence[Camera], *, labelled: bool = False, panes: bool = False
+        self,
+        uploaded: Any,
+        pose: Pose,
+        cameras: Sequence[Camera],
+        time_s: float = 0.0,
+        *,
+        labelled: bool = False,
+        panes: bool = False,
     ) -> RenderedViews:
-        """Picture and depth of each camera of a drone at `pose`; `labelled`: the ids as well, nearly for nothing;
-        `panes`: which pixels are panes, where the renderer can tell. Raises ValueError as `check_cameras` does."""
+        """Picture and depth of each camera of a drone at `pose`; `time_s`: of the clock that traffic goes by;
+        `labelled`: the ids as well, nearly for nothing; `panes`: which pixels are panes, where the renderer can tell.
+        Raises ValueError as `check_cameras` does."""
         ...
 
-    def render_ids(self, uploaded: Any, pose: Pose, cameras: Sequence[Camera]) -> tuple[NDArray[np.uint16], ...]:
+    def render_ids(
+        self, uploaded: Any, pose: Pose, cameras: Sequence[Camera], time_s: float = 0.0
+    ) -> tuple[NDArray[np.uint16], ...]:
         """(H, W) each: the id of the part seen in each pixel, 0 for none. Raises ValueError."""
         ...
 
