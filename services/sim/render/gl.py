@@ -12,10 +12,10 @@ from contracts.cameras import Camera
 from contracts.geometry import Pose
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.geometry.textures import TextureSet
-from services.sim.render import shaders
 from services.sim.render.culling import Seen
 from services.sim.render.gl_matrices import SKY_SLOPES, clip_matrix, rays, set_matrix, sky_drum, sun_matrix
-from services.sim.render.gl_scene import SHADOW_SIZE, GlScene
+from services.sim.render.gl_programs import Programs
+from services.sim.render.gl_scene import GlScene
 from services.sim.render.gl_weather import THICK_M, is_weathered, set_weather
 from services.sim.render.light import WEATHER, airlight, extinction_per_m, fill_direction, sun_direction
 from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
@@ -40,23 +40,7 @@ class GlRenderer:
             raise NoGlContext(f"no EGL context with OpenGL 4.3: {str(error) or type(error).__name__}") from error
         info = self._gl.info
         self.detail = f"moderngl on {info['GL_RENDERER']}, OpenGL {self._gl.version_code / 100:.1f}"
-        self._programs = {
-            "scene": self._gl.program(shaders.SCENE_VERTEX, shaders.SCENE_FRAGMENT),
-            "shadow": self._gl.program(shaders.SHADOW_VERTEX, shaders.SHADOW_FRAGMENT),
-            "panorama": self._gl.program(shaders.PANORAMA_VERTEX, shaders.PANORAMA_FRAGMENT),
-            "sky": self._gl.program(shaders.SKY_VERTEX, shaders.SKY_FRAGMENT),
-            "labelled": self._gl.program(
-                shaders.labelled_vertex(shaders.SCENE_VERTEX), shaders.labelled_fragment(shaders.SCENE_FRAGMENT)
-            ),
-            "weathered": self._gl.program(shaders.WEATHERED_VERTEX, shaders.WEATHERED_FRAGMENT),
-            "labelled_weathered": self._gl.program(
-                shaders.labelled_vertex(shaders.WEATHERED_VERTEX), shaders.labelled_fragment(shaders.WEATHERED_FRAGMENT)
-            ),
-            "labelled_sky": self._gl.program(shaders.SKY_VERTEX, shaders.LABELLED_SKY_FRAGMENT),
-            "dome": self._gl.program(shaders.DOME_VERTEX, shaders.DOME_FRAGMENT),
-            "labelled_dome": self._gl.program(shaders.DOME_VERTEX, shaders.LABELLED_DOME_FRAGMENT),
-            "ids": self._gl.program(shaders.IDS_VERTEX, shaders.IDS_FRAGMENT),
-        }
+        self._programs = Programs(self._gl)
         corners = self._gl.buffer(np.array([(-1, -1), (3, -1), (-1, 3)], "<f4").tobytes())
         self._panorama = self._gl.vertex_array(self._programs["panorama"], [(corners, "2f", "in_corner")])
         drum = self._gl.buffer(sky_drum().tobytes())
@@ -73,10 +57,7 @@ class GlRenderer:
 
     def upload(self, scene: SceneMesh) -> GlScene:
         """Copies the scene into the renderer and draws its shadows and its sky once."""
-        programs = self._programs
-        if is_weathered(scene):
-            programs = programs | {"scene": programs["weathered"], "labelled": programs["labelled_weathered"]}
-        uploaded = GlScene(self._gl, programs, scene, self._texture_array(scene.textures))
+        uploaded = GlScene(self._gl, self._programs.of(scene), scene, self._texture_array(scene.textures))
         self._draw_shadows(uploaded)
         self._draw_panorama(uploaded)
         return uploaded
@@ -92,7 +73,7 @@ class GlRenderer:
         panes: bool = False,
     ) -> RenderedViews:
         """Picture and depth of each camera, ids and panes where asked for. Raises ValueError beyond the limits."""
-        _place(uploaded, pose, time_s)
+        self._place_movers(uploaded, pose, time_s, shadows=True)
         rgb: dict[int, NDArray[np.uint8]] = {}
         depth: dict[int, NDArray[np.uint16]] = {}
         ids: dict[int, NDArray[np.uint16]] = {}
@@ -122,7 +103,7 @@ class GlRenderer:
         self, uploaded: GlScene, pose: Pose, cameras: Sequence[Camera], time_s: float = 0.0
     ) -> tuple[NDArray[np.uint16], ...]:
         """(H, W) ids of parts of each camera. Raises ValueError beyond the limits."""
-        _place(uploaded, pose, time_s)
+        self._place_movers(uploaded, pose, time_s, shadows=False)
         ids: dict[int, NDArray[np.uint16]] = {}
         for batch in _batches(cameras):
             chosen = [cameras[i] for i in batch]
@@ -170,14 +151,28 @@ class GlRenderer:
 
     def _draw_shadows(self, uploaded: GlScene) -> None:
         target = self._gl.framebuffer(depth_attachment=uploaded.shade)
-        target.use()
-        target.clear(depth=1.0)
-        # a rim without shadow, because everything beyond the map reads its rim
-        target.scissor = (1, 1, SHADOW_SIZE - 2, SHADOW_SIZE - 2)
-        self._gl.enable_only(moderngl.DEPTH_TEST)
-        set_matrix(self._programs["shadow"], "to_sun", sun_matrix(uploaded.scene))
+        self._begin_shadows(uploaded, target)
         uploaded.shadow.render()
         target.release()
+
+    def _begin_shadows(self, uploaded: GlScene, target: moderngl.Framebuffer) -> None:
+        """An empty map of shadows, ready to be drawn into."""
+        target.use()
+        target.scissor = (0, 0, target.width, target.height)
+        target.clear(depth=1.0)
+        # a rim without shadow, because everything beyond the map reads its rim
+        target.scissor = (1, 1, target.width - 2, target.height - 2)
+        self._gl.enable_only(moderngl.DEPTH_TEST)
+        self._gl.depth_func = "<"
+        set_matrix(self._programs["shadow"], "to_sun", sun_matrix(uploaded.scene))
+
+    def _place_movers(self, uploaded: GlScene, pose: Pose, time_s: float, *, shadows: bool) -> None:
+        if uploaded.moving is None:
+            return
+        uploaded.moving.place(time_s, pose)
+        if shadows:
+            self._begin_shadows(uploaded, uploaded.moving.shadow)
+            uploaded.moving.cast()
 
     def _draw(
         self,
@@ -234,6 +229,9 @@ class GlRenderer:
         uploaded.shade.use(1)
         uploaded.panorama.use(2)
         scene["surface"], scene["shade"], sky["panorama"] = 0, 1, 2
+        if uploaded.moving is not None:
+            uploaded.moving.shade.use(3)
+            scene["moving_shade"] = 3
         set_matrix(scene, "to_sun", sun_matrix(uploaded.scene))
         scene["sun"] = tuple(sun)
         scene["fill_light"] = tuple(fill_direction(light))
@@ -262,11 +260,6 @@ class GlRenderer:
         program["thickness"] = extinction_per_m(uploaded.scene.air) * THICK_M
         program["slopes"], program["surface"] = SKY_SLOPES, 0
         uploaded.textures.use(0)
-
-
-def _place(uploaded: GlScene, pose: Pose, time_s: float) -> None:
-    if uploaded.moving is not None:
-        uploaded.moving.place(time_s, pose)
 
 
 def _batches(cameras: Sequence[Camera]) -> list[list[int]]:

@@ -14,6 +14,8 @@ from services.sim.geometry.textures import TextureSet
 from services.sim.render.culling import Culler, inside
 
 SHADOW_SIZE = 4096
+MOVING_SHADOW_SIZE = 2048
+"""Drawn anew for each look."""
 PANORAMA = (2048, 512)
 _VERTEX = np.dtype(
     [
@@ -50,6 +52,7 @@ class Arrays:
                 programs["labelled"], [(vertices, "3f 2f 3f1 1x 3f1 1x 1u2 1u2", *surface, "in_part")], chosen
             ),
             "ids": context.vertex_array(programs["ids"], [(vertices, "3f 18x 1u2", "in_position", "in_part")], chosen),
+            "shadow": context.vertex_array(programs["shadow"], [(vertices, "3f 20x", "in_position")], chosen),
         }
 
     def draw(self, what: str, faces: NDArray[np.uint32]) -> None:
@@ -86,11 +89,7 @@ class GlScene:
         self.still = Arrays(context, programs, vertices, chosen)
         self.moving = GlMovers(context, programs, scene) if scene.moving else None
         self.shadow = context.vertex_array(programs["shadow"], [(vertices, "3f 20x", "in_position")], self._indices)
-        self.shade = context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
-        self.shade.compare_func = "<="
-        self.shade.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        self.shade.repeat_x = self.shade.repeat_y = False
-
+        self.shade = shadow_map(context, SHADOW_SIZE)
         self.panorama = context.texture(PANORAMA, 4)
         self.panorama.repeat_y = False
 
@@ -116,6 +115,8 @@ class GlMovers:
             context.buffer(reserve=vertices * _VERTEX.itemsize, dynamic=True),
             context.buffer(reserve=faces * 12, dynamic=True),
         )
+        self.shade = shadow_map(context, MOVING_SHADOW_SIZE)
+        self.shadow = context.framebuffer(depth_attachment=self.shade)
         self._low = self._high = np.zeros((0, 3))
         self._faces: list[NDArray[np.uint32]] = []
 
@@ -133,6 +134,10 @@ class GlMovers:
         vertices = vertices_of(concatenate(meshes), np.concatenate(owners), self._textures)
         self._arrays.vertices.write(vertices.tobytes())
 
+    def cast(self) -> None:
+        """All of them, into whatever shadow map is drawn now."""
+        self._arrays.draw("shadow", np.concatenate(self._faces))
+
     def draw(self, what: str, eye: NDArray[np.float64], axes: NDArray[np.float64], camera: Camera) -> None:
         """Those that the camera's picture may show."""
         shown = np.flatnonzero(inside(self._low, self._high, eye, axes, camera))
@@ -141,6 +146,17 @@ class GlMovers:
 
     def release(self) -> None:
         self._arrays.release()
+        self.shadow.release()
+        self.shade.release()
+
+
+def shadow_map(context: moderngl.Context, size: int) -> moderngl.Texture:
+    """A square depth texture that answers how much of the sun a place sees."""
+    shade = context.depth_texture((size, size))
+    shade.compare_func = "<="
+    shade.filter = (moderngl.LINEAR, moderngl.LINEAR)
+    shade.repeat_x = shade.repeat_y = False
+    return shade
 
 
 def vertices_of(mesh: Mesh, part_of: NDArray[np.uint16], textures: TextureSet) -> NDArray[np.void]:

@@ -116,6 +116,13 @@ def labelled_fragment(fragment: str) -> str:
     )
 
 
+def crowded_fragment(fragment: str) -> str:
+    """The same pictures, with the shadows of what moves in them."""
+    return fragment.replace("uniform sampler2DShadow shade;", "uniform sampler2DShadow shade, moving_shade;").replace(
+        "texture(shade, sun_place)", "texture(shade, sun_place) * texture(moving_shade, sun_place)"
+    )
+
+
 SHADOW_VERTEX = """
 #version 430
 uniform mat4 to_sun;

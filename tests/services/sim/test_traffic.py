@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contracts.geometry import Point2, Point3, Pose
-from contracts.scene import Air, Ground, Road, Scene, Wind
+from contracts.scene import Air, Ground, Light, Road, Scene, Wind
 from contracts.scene_traffic import Bird, Mover, MovingCar, Person
 from contracts.sim import EpisodeQuestion, Flight
 from contracts.vehicle import Move
@@ -113,6 +113,25 @@ def test_movers_are_drawn_where_they_are_at_the_moment_of_the_look() -> None:
             assert np.array_equal(renderer.render_ids(uploaded, pose, [AHEAD], time_s)[0], views.ids[0])
     finally:
         renderer.close()
+
+
+@pytest.mark.parametrize("light", [Light(), Light(sky="night", lit_windows=0.3)], ids=["by day", "by night"])
+def test_movers_cast_shadows_and_change_nothing_else(light: Light) -> None:
+    cameras, pose = [AHEAD], Pose(x=0.0, y=-20.0, z=4.0, yaw=math.pi / 2)
+    renderer = GlRenderer()
+    try:
+        empty = renderer.upload(build_boxes(make_yard(light=light)))
+        busy = renderer.upload(with_movers(make_yard(light=light, traffic=(walker(y=-14.0),))))
+        before, after = (renderer.render(uploaded, pose, cameras, labelled=True) for uploaded in (empty, busy))
+    finally:
+        renderer.close()
+    assert before.ids is not None
+    assert after.ids is not None
+    elsewhere = after.ids[0] == before.ids[0]
+    assert np.array_equal(after.depth_units[0][elsewhere], before.depth_units[0][elsewhere])
+    shade = before.rgb[0].astype(int) - after.rgb[0]
+    assert (shade[elsewhere] >= 0).all()
+    assert (shade[elsewhere].max(axis=1) > 0).sum() in range(20, 2_000)
 
 
 def test_pictures_in_which_nobody_is_seen_are_those_of_the_scene_without_traffic() -> None:
