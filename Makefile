@@ -45,7 +45,8 @@ test: check .venv/.servers  ## lint, format, types, and the tests, on up to four
 test-slow: setup .venv/.servers  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow --timeout 1800
 
-test-documents: setup .venv/.servers  ## the commands of all documents, as they stand, one document after the other (half an hour)
+test-documents: setup .venv/.servers  ## the commands of all documents, as they stand, one document after the other (an hour; fetches 150 MB)
+	@$(BIN)/uv sync --quiet --frozen --extra all --extra lerobot --extra rerun --python $(BIN)/python
 	@$(BIN)/python -m pytest -m documents --timeout 1800 tests/documented
 
 test-browser: setup .venv/.servers  ## the pages in a real browser; their screenshots anew: make test-browser SCREENSHOTS=docs

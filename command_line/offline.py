@@ -196,7 +196,8 @@ def print_offline(console: Console, summary: OfflineSummary, out: Path) -> None:
     """Of each kind of question what each took, and the agreement of each with each."""
     for kind, count in summary.questions.items():
         taken = Table(box=None, padding=(0, 1), title=f"{kind}: {counted(count, 'question')}", title_justify="left")
-        for head in ("", "answered", "declined", "unreadable", "p50 s", "p95 s", "tokens", "US $"):
+        taken.add_column("", overflow="fold")  # narrow terminals fold names, never figures
+        for head in ("answered", "declined", "unreadable", "p50 s", "p95 s", "tokens", "US $"):
             taken.add_column(head, no_wrap=True)
         for who, figures in summary.figures[kind].items():
             taken.add_row(who, *_taken(figures))

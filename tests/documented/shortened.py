@@ -46,15 +46,23 @@ INTERRUPTED = 130
 
 def shortened(line: str) -> tuple[str, ...]:
     """What is put behind that command."""
+    if re.match(r"logisticsvln vehicles", line):
+        return ("--at", f"http://127.0.0.1:{listening().get('8100', 8100)}")
     cut = next((more for pattern, more in CUTS if re.match(pattern, line)), ())
     if re.match(r"logisticsvln scene new", line):
         return (*cut, "--floor", "3", "--seed", "1")
     return (*cut, "--base-port", str(free_port() // 2)) if re.match(r"logisticsvln serve", line) else cut
 
 
+def listening() -> dict[str, int]:
+    """At which ports the services of the tests listen, by the documents' ports."""
+    ports: dict[str, int] = json.loads(os.environ.get("DOCUMENTED_PORTS", "{}"))
+    return ports
+
+
 def to_the_tests(words: list[str]) -> list[str]:
     """A `curl` whose services listen at the tests' ports, and whose ID is that of the delivery ordered last."""
-    ports: dict[str, int] = json.loads(os.environ["DOCUMENTED_PORTS"])
+    ports = listening()
     known = PAGE / "id"
     number = known.read_text() if known.exists() else "ID"
     moved = [re.sub(r"(localhost|127\.0\.0\.1):(\d+)/", lambda m: f"{m[1]}:{ports[m[2]]}/", word) for word in words]

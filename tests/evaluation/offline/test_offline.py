@@ -245,6 +245,18 @@ def test_the_screen_has_a_table_of_what_each_took_and_one_of_who_agrees(
     assert [name, f"{looks}/{looks}", "0", "0", "n/a", "n/a", "0+0", "n/a"] in lines
 
 
+def test_a_long_name_takes_no_figure_from_a_narrow_screen(
+    questions: list[RecordedQuestion], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recorded = {question.id: question.recorded for question in questions}
+    priced = {"my-own-model, flown": Price(3.0, 3.0)}
+    summary = summarize_offline(questions, {"my-own-model, flown": recorded}, priced)
+    print_offline(Console(width=80), summary, tmp_path)
+    said = capsys.readouterr().out
+    assert "…" not in said
+    assert "answered  declined  unreadable  p50 s  p95 s  tokens  US $" in said
+
+
 def test_prices_are_those_of_the_gateways_configuration(tmp_path: Path) -> None:
     config = tmp_path / "gateway.toml"
     config.write_text('[models.a]\nusd_per_million_prompt = 3\n[models.b]\nbackend = "embedded"\n')
