@@ -139,7 +139,7 @@ check: setup  ## lint, format, strict types
 
 schema: setup  ## write docs/events.schema.json and docs/scene.schema.json anew from contracts/
 	@$(BIN)/python -m contracts.events > docs/events.schema.json.new && mv docs/events.schema.json.new docs/events.schema.json
-	@$(BIN)/python -m contracts.scene > docs/scene.schema.json.new && mv docs/scene.schema.json.new docs/scene.schema.json
+	@$(BIN)/python -m contracts.scene_schema > docs/scene.schema.json.new && mv docs/scene.schema.json.new docs/scene.schema.json
 
 docs: setup .cache/docs/.ready  ## build the site of docs/ with the API reference into build/site; a warning is an error (130 MB of packages, once)
 	@NO_MKDOCS_2_WARNING=1 .cache/docs/bin/mkdocs build --strict --quiet

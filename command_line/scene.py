@@ -14,7 +14,8 @@ from command_line.console import FAILED, INTERRUPTED, WRONG_INPUT, stop
 from command_line.mission_options import SEED_HIGH
 from command_line.scene_questions import Neighbours, Questions
 from contracts.errors import first_problem, what_is_wrong
-from contracts.scene import SCHEMA_KEY, BuildingKind, Scene, schema_text
+from contracts.scene import SCHEMA_KEY, BuildingKind, Scene
+from contracts.scene_schema import schema_text
 from evaluation.own_scenes.check import Problem, problems_of
 from evaluation.own_scenes.osm_file import BadMap, LatLon, read_map
 from evaluation.own_scenes.osm_scene import Thing, Wanted, scene_of

@@ -3,19 +3,16 @@
 Ground plans are in metres, ENU. A footprint runs counter-clockwise seen from above; facade k is the edge from
 vertex k to vertex k + 1 and its outward normal points to the right of that direction. Floors count from 1 at the
 ground. `contracts.scene_layout` says where windows and balconies lie.
-
-`python -m contracts.scene` prints the JSON Schema of a scene: docs/scene.schema.json.
 """
 
-import json
-import sys
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
 from contracts.base import Name, Radians, Rgb, Wire
 from contracts.footprint import footprint_problem
 from contracts.geometry import Point2, Point3
+from contracts.scene_street import Awnings, Fences, Hedges, Poles, Signs, Wires, low_awning
 from contracts.scene_traffic import Traffic, same_names
 from contracts.sensor_profiles import sensor_names
 
@@ -82,6 +79,8 @@ class Building(Wire):
     balconies: tuple[BalconyPlan, ...] = Field(default=(), max_length=16)
     roof: Literal["flat", "gable", "hip", "pagoda", "hall"] = "flat"
     setback_m: float = Field(default=0.0, ge=0.0, le=2.0)
+    awnings: Awnings = ()
+    signs: Signs = ()
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
@@ -89,6 +88,8 @@ class Building(Wire):
             raise ValueError(f"building {self.id}: {problem}")
         if self.windows.sill_m + self.windows.height_m > self.floor_height_m - 0.1:
             raise ValueError(f"building {self.id}: sill_m + height_m must stay 0.1 m below floor_height_m")
+        if problem := low_awning(self.awnings, self.windows.sill_m + self.windows.height_m, self.floor_height_m):
+            raise ValueError(f"building {self.id}: {problem}")
         return self
 
 
@@ -153,18 +154,23 @@ class Ground(Wire):
     trees: tuple[Tree, ...] = Field(default=(), max_length=200)
     cars: tuple[Car, ...] = Field(default=(), max_length=100)
     lamps: tuple[Point2, ...] = Field(default=(), max_length=100)
+    hedges: Hedges = ()
+    fences: Fences = ()
+    poles: Poles = ()
+    wires: Wires = ()
 
 
 class Light(Wire):
     """`sun_azimuth` in radians counter-clockwise from east, `sun_elevation` above the horizon; by night it is the
     moon's. `lit_windows`: the share of windows with light behind them; where there is any, and by night, street lamps
-    burn."""
+    burn. `glass`: panes show a fixed picture of a sky, or reflect the one that there is, by angle."""
 
     sun_azimuth: Radians = 0.9
     sun_elevation: float = Field(default=0.8, ge=0.05, le=1.57)
     sky: Literal["clear", "cloudy", "overcast", "dusk", "night"] = "clear"
     exposure: float = Field(default=1.0, ge=0.3, le=2.0)
     lit_windows: float = Field(default=0.0, ge=0.0, le=1.0, exclude_if=lambda share: share == 0.0)
+    glass: Literal["painted", "reflecting"] = Field(default="painted", exclude_if=lambda glass: glass == "painted")
 
     @property
     def lamps_burn(self) -> bool:
@@ -258,36 +264,3 @@ class Scene(Wire):
             if building.id == building_id:
                 return building
         raise KeyError(building_id)
-
-
-def json_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of a scene document, for editors and for programs that write one."""
-    schema = _in_one_line(Scene.model_json_schema())
-    named = {SCHEMA_KEY: {"type": "string", "description": "Where this schema is, for editors."}}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
-        "title": "A scene of LogisticsVLN",
-        "properties": named | schema["properties"],
-    }
-
-
-def _in_one_line(schema: Any) -> Any:
-    """The same schema, its descriptions without line breaks."""
-    if isinstance(schema, list):
-        return [_in_one_line(item) for item in schema]
-    if not isinstance(schema, dict):
-        return schema
-    return {
-        key: " ".join(value.split()) if key == "description" and isinstance(value, str) else _in_one_line(value)
-        for key, value in schema.items()
-    }
-
-
-def schema_text() -> str:
-    """`json_schema` as the text of a file."""
-    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
-
-
-if __name__ == "__main__":
-    sys.stdout.write(schema_text())

@@ -25,6 +25,7 @@ Image = NDArray[np.uint8]
 _SIDE, _EDGE, _LINE = 640, 20, 26
 _PAPER, _INK, _SOFT = (250, 249, 246), (43, 52, 64), (138, 148, 160)
 _TARGET, _NEIGHBOUR, _GRASS, _TREE = (214, 200, 176), (206, 209, 213), (236, 240, 231), (188, 206, 176)
+_HEDGE, _FENCE = (134, 164, 116), (150, 132, 108)
 _OPEN, _START, _GOAL, _THING = (120, 170, 120), (52, 110, 190), (196, 58, 50), (120, 110, 150)
 _WAYS = {"person": (150, 90, 40), "car": (90, 96, 104), "bird": (80, 130, 190)}
 _WEIGHTS = {"error": (196, 58, 50), "warning": (138, 90, 0)}
@@ -108,6 +109,15 @@ def _ground(image: Image, scene: Scene, px: Callable[[float, float], tuple[int, 
     for mover in scene.traffic:
         corners = np.array([px(p.x, p.y) for p in mover.way], np.int32)
         cv2.polylines(image, [corners], mover.kind == "bird", _WAYS[mover.kind], 1, cv2.LINE_AA)
+    for hedge in scene.ground.hedges:
+        ends = px(hedge.start.x, hedge.start.y), px(hedge.end.x, hedge.end.y)
+        cv2.line(image, *ends, _HEDGE, max(2, round(hedge.width_m * scale)), cv2.LINE_AA)
+    for fence in scene.ground.fences:
+        cv2.line(image, px(fence.start.x, fence.start.y), px(fence.end.x, fence.end.y), _FENCE, 2, cv2.LINE_AA)
+    for pole in scene.ground.poles:
+        cv2.circle(image, px(pole.position.x, pole.position.y), 3, _INK, -1, cv2.LINE_AA)
+    for wire in scene.ground.wires:
+        cv2.line(image, px(wire.start.x, wire.start.y), px(wire.end.x, wire.end.y), _INK, 1, cv2.LINE_AA)
 
 
 def _looks(scene: Scene) -> list[tuple[str, Callable[[Scene, SimClient], Image]]]:

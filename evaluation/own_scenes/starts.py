@@ -12,7 +12,7 @@ NEAREST_M, FARTHEST_M = 6.0, 14.0
 """Before a wall: nearer, the first look shows too little of it; farther, something may stand between."""
 GRID_M = 2.0
 ROOM_M = 1.5
-"""Kept from walls, trees, cars and lamps."""
+"""Kept from walls, and from what stands on the ground."""
 CAR_M = 2.4
 """Half of its length."""
 _EYE_M = 40.0
@@ -74,7 +74,14 @@ def _open(scene: Scene, place: Xy) -> bool:
         return False
     things = [(tree.position, tree.crown_m) for tree in ground.trees]
     things += [(car.position, CAR_M) for car in ground.cars] + [(lamp, 0.2) for lamp in ground.lamps]
-    return all(math.dist(place, (at.x, at.y)) >= radius_m + ROOM_M for at, radius_m in things)
+    things += [(pole.position, 0.2) for pole in ground.poles]
+    if any(math.dist(place, (at.x, at.y)) < radius_m + ROOM_M for at, radius_m in things):
+        return False
+    lines = [(hedge, hedge.width_m / 2) for hedge in ground.hedges] + [(fence, 0.15) for fence in ground.fences]
+    return all(
+        math.dist(place, _nearest(place, (line.start.x, line.start.y), (line.end.x, line.end.y))) >= half_m + ROOM_M
+        for line, half_m in lines
+    )
 
 
 def _grid(low: float, high: float) -> Iterator[float]:

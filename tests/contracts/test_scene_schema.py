@@ -8,7 +8,8 @@ import jsonschema
 import pytest
 from pydantic import ValidationError
 
-from contracts.scene import SCHEMA_KEY, Scene, json_schema, schema_text
+from contracts.scene import SCHEMA_KEY, Scene
+from contracts.scene_schema import json_schema, schema_text
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = sorted((ROOT / "orchestrator" / "samples").glob("*.json"))

@@ -13,6 +13,7 @@ from services.sim.geometry.mesh import Mesh, concatenate, mixed
 from services.sim.geometry.outlines import Plan, band, grown, plan_of, rectangles, swept
 from services.sim.geometry.parts import Assembly, stamped, wall_frame
 from services.sim.geometry.roofs import chimney, flat_roof, pitched_roof, ridge_m, roof_furniture
+from services.sim.geometry.shopfronts import build_shopfronts
 from services.sim.geometry.solids import box, polygon, prism
 from services.sim.geometry.temples import brackets, columns, hall_roof, pagoda_top, skirt
 from services.sim.geometry.textures import TextureSet
@@ -44,6 +45,7 @@ def build_building(
         roof = _roof(building, plans[0], textures, rng)
     assembly.draw(part, roof)
     assembly.block(part, roof)
+    build_shopfronts(assembly, part, building)
 
 
 def _dress(building: Building, textures: TextureSet, rng: np.random.Generator) -> Dress:

@@ -13,10 +13,12 @@ from shapely.ops import unary_union
 from contracts.geometry import Point2
 from contracts.scene import Car, Road, Scene
 from services.sim.geometry.backdrop import build_backdrop
+from services.sim.geometry.enclosures import fence, fence_solid, hedge, hedge_solid
 from services.sim.geometry.facade import chance
 from services.sim.geometry.greenery import tree, tree_solid
 from services.sim.geometry.mesh import Colour, Mesh, concatenate, make, mixed
 from services.sim.geometry.outlines import grown, plan_of
+from services.sim.geometry.overhead import pole, pole_solid, wire, wire_solid
 from services.sim.geometry.parts import Assembly
 from services.sim.geometry.solids import box, cylinder, ellipsoid, prism, quad, triangulated
 from services.sim.geometry.textures import TextureSet
@@ -47,6 +49,23 @@ def build_surroundings(assembly: Assembly, scene: Scene, textures: TextureSet) -
     for spot in scene.ground.lamps:
         assembly.draw(part, _lamp().transformed(move=(spot.x, spot.y, 0.0)))
         assembly.block(part, cylinder(0.12, 5.2, (spot.x, spot.y, 0.0), 6))
+    _furniture(assembly, part, scene, textures)
+
+
+def _furniture(assembly: Assembly, part: int, scene: Scene, textures: TextureSet) -> None:
+    ground = scene.ground
+    for i, plant in enumerate(ground.hedges):
+        assembly.draw(part, hedge(plant, textures, chance(scene.seed, f"hedge {i}")))
+        assembly.block(part, hedge_solid(plant))
+    for plan in ground.fences:
+        assembly.draw(part, fence(plan, textures))
+        assembly.block(part, fence_solid(plan))
+    for post in ground.poles:
+        assembly.draw(part, pole(post, textures))
+        assembly.block(part, pole_solid(post))
+    for line in ground.wires:
+        assembly.draw(part, wire(line))
+        assembly.block(part, wire_solid(line))
 
 
 def _ground(assembly: Assembly, part: int, scene: Scene, textures: TextureSet) -> None:

@@ -17,6 +17,7 @@ from services.sim.render.gl_matrices import SKY_SLOPES, clip_matrix, rays, set_m
 from services.sim.render.gl_programs import Programs
 from services.sim.render.gl_scene import GlScene
 from services.sim.render.gl_weather import THICK_M, is_weathered, set_weather
+from services.sim.render.glass import reflects, set_reflections
 from services.sim.render.light import WEATHER, airlight, extinction_per_m, fill_direction, sun_direction
 from services.sim.render.views import RenderedViews, check_cameras, eye_of, view_axes
 
@@ -241,6 +242,9 @@ class GlRenderer:
         scene["pane_layers"] = uploaded.scene.textures.pane_layers
         if is_weathered(uploaded.scene):
             set_weather(scene, uploaded.scene)
+        if reflects(light):
+            set_reflections(scene, light)
+            self._set_sky(uploaded, scene)
 
     def _draw_panorama(self, uploaded: GlScene) -> None:
         self._set_sky(uploaded, self._programs["panorama"])
@@ -258,7 +262,9 @@ class GlRenderer:
         program["cloud_layer"] = float(uploaded.scene.textures.layer("clouds"))
         program["airlight"] = airlight(light)
         program["thickness"] = extinction_per_m(uploaded.scene.air) * THICK_M
-        program["slopes"], program["surface"] = SKY_SLOPES, 0
+        program["surface"] = 0
+        if "slopes" in program:
+            program["slopes"] = SKY_SLOPES
         uploaded.textures.use(0)
 
 

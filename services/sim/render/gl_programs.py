@@ -1,16 +1,26 @@
 """The OpenGL programs, and which of them draw a scene."""
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import moderngl
 
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render import shaders
 from services.sim.render.gl_weather import is_weathered
+from services.sim.render.glass import reflecting_fragment, reflects
+
+
+class _Kind(NamedTuple):
+    """What is in the pictures besides a clear day's street."""
+
+    weathered: bool
+    crowded: bool = False
+    reflecting: bool = False
 
 
 class Programs:
-    """Those that every scene needs are made at once; those of streets with traffic when the first one comes."""
+    """Those that most scenes need are made at once; those of traffic and of panes that reflect when the first comes."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -24,8 +34,8 @@ class Programs:
             "ids": context.program(shaders.IDS_VERTEX, shaders.IDS_FRAGMENT),
         }
         self._surfaces = {
-            (False, False): self._pair(shaders.SCENE_VERTEX, shaders.SCENE_FRAGMENT),
-            (True, False): self._pair(shaders.WEATHERED_VERTEX, shaders.WEATHERED_FRAGMENT),
+            _Kind(weathered=False): self._pair(shaders.SCENE_VERTEX, shaders.SCENE_FRAGMENT),
+            _Kind(weathered=True): self._pair(shaders.WEATHERED_VERTEX, shaders.WEATHERED_FRAGMENT),
         }
 
     def __getitem__(self, name: str) -> moderngl.Program:
@@ -33,12 +43,17 @@ class Programs:
 
     def of(self, scene: SceneMesh) -> Mapping[str, moderngl.Program]:
         """Those by which the scene is drawn: `scene`, `labelled`, `ids` and `shadow` among them."""
-        weathered, crowded = is_weathered(scene), bool(scene.moving)
-        if (weathered, crowded) not in self._surfaces:
-            vertex = shaders.WEATHERED_VERTEX if weathered else shaders.SCENE_VERTEX
-            fragment = shaders.WEATHERED_FRAGMENT if weathered else shaders.SCENE_FRAGMENT
-            self._surfaces[weathered, crowded] = self._pair(vertex, shaders.crowded_fragment(fragment))
-        return self._common | self._surfaces[weathered, crowded]
+        kind = _Kind(is_weathered(scene), bool(scene.moving), reflects(scene.light))
+        if kind not in self._surfaces:
+            places = kind.weathered or kind.reflecting
+            vertex = shaders.WEATHERED_VERTEX if places else shaders.SCENE_VERTEX
+            fragment = shaders.WEATHERED_FRAGMENT if kind.weathered else shaders.SCENE_FRAGMENT
+            if kind.reflecting:
+                fragment = reflecting_fragment(fragment)
+            if kind.crowded:
+                fragment = shaders.crowded_fragment(fragment)
+            self._surfaces[kind] = self._pair(vertex, fragment)
+        return self._common | self._surfaces[kind]
 
     def _pair(self, vertex: str, fragment: str) -> dict[str, moderngl.Program]:
         labelled = shaders.labelled_vertex(vertex), shaders.labelled_fragment(fragment)

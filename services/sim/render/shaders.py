@@ -145,8 +145,9 @@ void main() {
 }
 """
 
-# the sky's colour in a direction; shared by the painting that level views look at and by views that look up past it
-_SKY_COLOUR = """
+# the sky's colour in a direction; shared by the painting that level views look at, by views that look up past it and by
+# panes that reflect
+SKY_COLOUR = """
 uniform sampler2DArray surface;
 uniform float cloud_layer;
 uniform vec3 zenith;
@@ -176,7 +177,7 @@ vec3 sky(vec3 d) {
 # the sky is painted once for each scene: u runs round the horizon, v up to the slope that a level view can reach
 PANORAMA_FRAGMENT = f"""
 #version 430
-{_SKY_COLOUR}
+{SKY_COLOUR}
 in vec2 at_panorama;
 out vec4 colour;
 void main() {{
@@ -199,7 +200,7 @@ void main() {
 
 DOME_FRAGMENT = f"""
 #version 430
-{_SKY_COLOUR}
+{SKY_COLOUR}
 in vec3 ray;
 layout(location = 0) out vec4 colour;
 layout(location = 1) out uint depth_units;

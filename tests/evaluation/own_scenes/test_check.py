@@ -7,8 +7,9 @@ from pathlib import Path
 import cv2
 import pytest
 
-from contracts.geometry import Point3
-from contracts.scene import Scene, SceneObject, Start, WindowPlace
+from contracts.geometry import Point2, Point3
+from contracts.scene import Building, Scene, SceneObject, Start, WindowPlace
+from contracts.scene_street import Awning, Hedge, Pole
 from evaluation.own_scenes.check import Problem, problems_of
 from evaluation.own_scenes.preview import draw_preview
 from evaluation.own_scenes.starts import walkable_starts
@@ -31,6 +32,10 @@ def thing(name: str, **changes: object) -> SceneObject:
 
 def at(**changes: object) -> WindowPlace:
     return WindowPlace(**({"building": "house", "facade": 0, "floor": 3, "column": 1} | changes))
+
+
+def with_awning(column: int) -> Building:
+    return make_yard().buildings[0].model_copy(update={"awnings": (Awning(facade=0, column=column),)})
 
 
 def test_in_a_sound_scene_nothing_is_found(simulator: SimClient) -> None:
@@ -56,6 +61,7 @@ def test_in_a_sound_scene_nothing_is_found(simulator: SimClient) -> None:
             "faces nothing, not the target",
         ),
         (make_yard(start=Start(position=Point3(x=0, y=-8, z=1), yaw=1.57)), "warning", "3.0 m before the wall"),
+        (make_yard(buildings=(with_awning(5), make_yard().buildings[1])), "error", "there is no 5"),
         (make_yard(goal=None), "warning", "stopped_not_judged"),
         (make_yard(objects=(thing("pot"), thing("twin", place=at(facade=1)))), "warning", "twin is the same thing"),
     ],
@@ -85,6 +91,15 @@ def test_starts_are_in_the_open_and_see_the_target() -> None:
     walled = make_yard().buildings[1].model_copy(update={"footprint": square(0, -18, 8)})
     fewer = walkable_starts(make_yard(buildings=(make_yard().buildings[0], walled)))
     assert not any(abs(s.x) < 9.0 and s.y < 0.0 for s in fewer)
+
+
+def test_no_drone_starts_in_a_hedge_or_at_a_pole() -> None:
+    hedge = Hedge(start=Point2(x=-8, y=-15), end=Point2(x=8, y=-15))
+    ground = make_yard().ground.model_copy(update={"hedges": (hedge,), "poles": (Pole(position=Point2(x=0, y=13)),)})
+    starts = walkable_starts(make_yard(ground=ground))
+    assert len(walkable_starts(make_yard())) > len(starts) > 50
+    assert not any(abs(s.x) < 9.0 and abs(s.y + 15) < 1.8 for s in starts)
+    assert all(math.dist((s.x, s.y), (0, 13)) > 1.5 for s in starts)
 
 
 def test_the_picture_shows_plan_and_looks_and_for_a_broken_scene_the_plan_alone(
