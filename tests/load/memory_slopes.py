@@ -93,6 +93,7 @@ def table(slopes: Mapping[str, Slope], samples: Sequence[Sample], bound: float) 
             f"{f'{found.first_mb:.1f} to {found.last_mb:.1f}':>17}{found.mb_an_hour:>8.2f}"
             f"{f'{found.low:.2f} to {found.high:.2f}':>18}{each:>13}  {found.verdict(bound)}"
         )
+    lines.append(f"over {deliveries} deliveries in {60 * hours:.0f} minutes, warm")
     return "\n".join(lines)
 
 

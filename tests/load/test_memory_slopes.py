@@ -59,9 +59,10 @@ def test_memory_is_read_of_a_process_until_it_has_ended() -> None:
 
 def test_the_table_says_what_a_delivery_leaves_behind() -> None:
     read = samples(3.75)
-    [head, line] = table({"sim": Slope(3.75, 3.5, 4.0, 100.0, 102.5)}, read, 1.0).splitlines()
+    [head, line, over] = table({"sim": Slope(3.75, 3.5, 4.0, 100.0, 102.5)}, read, 1.0).splitlines()
     assert head.split()[0] == "service"
     assert line.split()[-2:] == ["16.1", "grows"], "KB a delivery, of 159 in forty minutes"
+    assert over == "over 159 deliveries in 40 minutes, warm"
 
 
 def test_each_service_is_drawn_with_its_slope(tmp_path: Path) -> None:
