@@ -28,6 +28,9 @@ from tests.conftest import free_port
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import BlockVision, block_ports
 
+WITHIN_S = 60.0
+"""A loaded machine needs time to start, to answer, and to end."""
+
 
 class BlockSimulators:
     """A fleet of block worlds by name, each with room for so many drones."""
@@ -118,15 +121,15 @@ class Door:
         self._server = uvicorn.Server(server_config(build_app(orchestrator, access=access), "127.0.0.1", port, 2))
         self._thread = threading.Thread(target=self._server.run, daemon=True)
         self._thread.start()
-        give_up = time.monotonic() + 20
+        give_up = time.monotonic() + WITHIN_S
         while not self._server.started:
             if not self._thread.is_alive() or time.monotonic() > give_up:
                 raise RuntimeError("the orchestrator under test did not start")
             time.sleep(0.005)
-        self.client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=20)
+        self.client = httpx.Client(base_url=f"http://127.0.0.1:{port}", timeout=WITHIN_S)
 
     def close(self) -> None:
         self._world.hovers = False
         self.client.close()
         self._server.should_exit = True
-        self._thread.join(20)
+        self._thread.join(WITHIN_S)

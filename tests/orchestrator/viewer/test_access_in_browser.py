@@ -72,7 +72,7 @@ def test_a_customer_is_told_that_their_drone_is_silent_and_where_it_was(secured:
     page = open_page(secured.url + link, viewport=PHONE)
     expect(page.locator(".where")).to_contain_text("m above the ground")
     expect(page.locator("#outlook")).to_contain_text(re.compile("In the air for .*(usually takes|not known yet)"))
-    secured.world.away = True
+    secured.world.silent = True
     try:
         expect(page.locator("#trouble")).to_contain_text("last heard")
         expect(page.locator(".where")).to_contain_text("when it was last heard")
@@ -80,7 +80,7 @@ def test_a_customer_is_told_that_their_drone_is_silent_and_where_it_was(secured:
         expect(page.locator("#trouble")).to_have_text("The drone does not tell just now where it is.")
         expect(page.locator("#map .building, #map .target").first).to_be_visible()
     finally:
-        secured.world.away, secured.world.pace = False, 0.0
+        secured.world.silent, secured.world.pace = False, 0.0
     secured.client.delete(f"/v1/deliveries/{name}")
     expect(page.locator("#now")).to_contain_text(re.compile("cancelled|window"))
     expect(page.locator("#trouble")).to_be_hidden()

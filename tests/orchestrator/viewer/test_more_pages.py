@@ -68,12 +68,12 @@ def test_a_drone_that_was_not_heard_is_not_shown_as_live(house: House, open_page
     name = house.order()
     page = open_page(f"{house.url}/#/delivery/{name}")
     expect(page.locator(".where")).to_contain_text("live")
-    house.world.away = True
+    house.world.silent = True
     try:
         expect(page.locator(".trouble")).to_contain_text(re.compile(r"last heard at \d+:\d\d:\d\d"))
         expect(page.locator(".where")).not_to_contain_text("live")
     finally:
-        house.world.away, house.world.pace = False, 0.0
+        house.world.silent, house.world.pace = False, 0.0
     house.client.delete(f"/v1/deliveries/{name}")
 
 
