@@ -15,7 +15,7 @@ from service_kit.settings import BadSetting
 T = TypeVar("T")
 BUSY_S = 30
 POOL = 20
-SQLITE_KEPT = 6
+SQLITE_KEPT = 4
 """Connections that stay open; what more a burst needs is closed after it."""
 CACHE_KB = 256
 """Of each connection; it is of no use beyond a transaction, as every other connection's write empties it."""
