@@ -10,6 +10,7 @@ from contracts.scene import Air, Building, Light, Scene, Start, Wind, WindowPlac
 from contracts.scene_layout import columns_of
 from evaluation.scene_generator.footprints import distance_to_outline
 from evaluation.scene_generator.scene_plan import SceneSpec, UnbuildableScene
+from evaluation.task_set.furniture import furnished
 from evaluation.task_set.mixture import Mixture, StartName, drawn
 
 _ROOM_M = {"wall": 0.9, "other": 2.0}
@@ -46,6 +47,8 @@ def real_scene(scene: Scene, spec: SceneSpec, mixture: Mixture, rng: np.random.G
             ),
         }
     )
+    if mixture.furnished and rng.random() < mixture.furnished:
+        real = furnished(real, rng)
     names: dict[str, StartName] = {name: name for name in mixture.start}
     return RealScene(Scene.model_validate(real.model_dump()), names[start])
 

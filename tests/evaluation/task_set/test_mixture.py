@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contracts.scene import WindowPlace
+from contracts.geometry import Point2
+from contracts.scene import Road, Scene, WindowPlace
 from evaluation.metrics.breakdown import light_group, sensors_group, weather_group
 from evaluation.metrics.taxonomy import reason_of
+from evaluation.scene_generator.footprints import distance_to_outline
 from evaluation.scene_generator.scene_plan import FootprintSpec, GoalSpec, SceneSpec, UnbuildableScene
 from evaluation.task_set.mixture import BadMixture, Mixture, drawn, load_mixture, mixture_names
 from evaluation.task_set.real_world import RealScene, real_scene, with_twin
@@ -112,6 +114,44 @@ def test_a_start_in_another_building_is_no_start() -> None:
     street = scene.model_copy(update={"buildings": (scene.building("home"), shut)})
     with pytest.raises(UnbuildableScene, match="hemmed in by neighbour"):
         [real_scene(street, SPEC, one_of("m", start="far"), np.random.default_rng(seed)) for seed in range(10)]
+
+
+def furnished_street(seed: int, **changes: object) -> Scene:
+    mixture = Mixture.model_validate(one_of("m", start="usual").model_dump() | {"furnished": 1.0} | changes)
+    plain = a_task().scene
+    road = Road(start=Point2(x=-60, y=-20), end=Point2(x=60, y=-20))
+    street = plain.model_copy(update={"ground": plain.ground.model_copy(update={"roads": (road,)})})
+    return real_scene(street, SPEC, mixture, np.random.default_rng(seed)).scene
+
+
+def test_a_furnished_street_has_shops_hedges_fences_poles_and_wires_at_some_seed() -> None:
+    scenes = [furnished_street(seed) for seed in range(6)]
+    for field in ("hedges", "fences", "poles", "wires"):
+        assert any(getattr(scene.ground, field) for scene in scenes), field
+    assert any(building.awnings for scene in scenes for building in scene.buildings)
+    assert any(building.signs for scene in scenes for building in scene.buildings)
+    assert {scene.light.glass for scene in scenes} == {"painted", "reflecting"}
+    assert furnished_street(3) == furnished_street(3)
+
+
+def test_what_stands_in_a_furnished_street_leaves_the_ring_about_the_house_and_the_start_free() -> None:
+    for seed in range(6):
+        scene = furnished_street(seed)
+        home = tuple((p.x, p.y) for p in scene.building("home").footprint)
+        start = (scene.start.position.x, scene.start.position.y)
+        lines = [*scene.ground.hedges, *scene.ground.fences]
+        places = [(p.x, p.y) for line in lines for p in (line.start, line.end)]
+        places += [(pole.position.x, pole.position.y) for pole in scene.ground.poles]
+        assert all(distance_to_outline(place, home) >= 14.9 for place in places)
+        assert all(math.dist(place, start) >= 3.9 for place in places)
+
+
+def test_a_mixture_that_does_not_speak_of_furniture_draws_what_it_drew_before() -> None:
+    plain = one_of("m", start="usual")
+    assert "furnished" not in plain.model_dump()
+    bare, shops = made(plain, 4).scene, furnished_street(4)
+    assert not bare.ground.wires
+    assert (bare.start, bare.air, bare.sensors) == (shops.start, shops.air, shops.sensors)
 
 
 def test_a_twin_stands_a_few_windows_on_at_the_same_wall() -> None:
