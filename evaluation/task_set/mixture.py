@@ -24,7 +24,8 @@ class Mixture(Wire):
     """Shares (0..1) and weights. `absent`: the object is not there; `twins`: there is a second one like it, so that the
     right end is to say so; `first_floor`: the goal is on floor 1, in houses of more; `one_storey`: buildings of one
     floor; `terraced`: rectangular houses in a row of their like, where the goal faces the street; `same_clothes`:
-    houses across the street that look like the target; `furnished`: shops, hedges, wires (`task_set.furniture`)."""
+    houses across the street that look like the target; `furnished`: shops, hedges, wires (`task_set.furniture`);
+    `traffic`: people, cars and birds are about (`task_set.street_life`)."""
 
     name: Name
     requests: Literal["own", "strangers"]
@@ -35,6 +36,7 @@ class Mixture(Wire):
     terraced: Unit
     same_clothes: Unit
     furnished: Unit = Field(default=0.0, exclude_if=lambda share: share == 0.0)
+    traffic: Unit = Field(default=0.0, exclude_if=lambda share: share == 0.0)
     sensors: dict[Name, Weight]
     light: dict[LightName, Weight]
     weather: dict[WeatherName, Weight]

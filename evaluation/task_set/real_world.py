@@ -12,6 +12,7 @@ from evaluation.scene_generator.footprints import distance_to_outline
 from evaluation.scene_generator.scene_plan import SceneSpec, UnbuildableScene
 from evaluation.task_set.furniture import furnished
 from evaluation.task_set.mixture import Mixture, StartName, drawn
+from evaluation.task_set.street_life import with_street_life
 
 _ROOM_M = {"wall": 0.9, "other": 2.0}
 _BETWEEN_M = 0.02
@@ -49,6 +50,8 @@ def real_scene(scene: Scene, spec: SceneSpec, mixture: Mixture, rng: np.random.G
     )
     if mixture.furnished and rng.random() < mixture.furnished:
         real = furnished(real, rng)
+    if mixture.traffic and rng.random() < mixture.traffic:
+        real = with_street_life(real, rng)
     names: dict[str, StartName] = {name: name for name in mixture.start}
     return RealScene(Scene.model_validate(real.model_dump()), names[start])
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import shapely
 
 from contracts.geometry import Point2
-from contracts.scene import Road, Scene, WindowPlace
+from contracts.scene import Car, Ground, Road, Scene, WindowPlace
 from evaluation.metrics.breakdown import light_group, sensors_group, weather_group
 from evaluation.metrics.taxonomy import reason_of
 from evaluation.scene_generator.footprints import distance_to_outline
@@ -205,3 +206,29 @@ def test_what_is_absent_is_absent_and_what_is_ambiguous_is_there_twice() -> None
             and (o.place.building, o.place.floor) == (task.scene.target, task.floor)
         ]
         assert len(like) == (0 if task.absent else 2 if task.ambiguous else 1), task.id
+
+
+def test_a_mixture_with_traffic_puts_people_cars_and_birds_where_nothing_stands() -> None:
+    busy = Mixture.model_validate(one_of("busy", start="usual").model_dump() | {"traffic": 1.0})
+    plain = a_task().scene
+    middle = -18.0 + min(p.y for p in plain.building(plain.target).footprint)
+    road = Road(start=Point2(x=-60.0, y=middle), end=Point2(x=60.0, y=middle), width_m=6.0)
+    parked = Car(position=Point2(x=5.0, y=middle + 1.5))
+    street = plain.model_copy(update={"ground": Ground(roads=(road,), cars=(parked,))})
+    kinds: Counter[str] = Counter()
+    for seed in range(12):
+        scene = real_scene(street, SPEC, busy, np.random.default_rng(seed)).scene
+        kinds.update(mover.kind for mover in scene.traffic)
+        houses = [shapely.Polygon([(p.x, p.y) for p in b.footprint]) for b in scene.buildings]
+        for mover in scene.traffic:
+            way = shapely.LineString([(p.x, p.y) for p in mover.way])
+            assert all(way.distance(house) > 0.3 for house in houses)
+        for car in (mover for mover in scene.traffic if mover.kind == "car"):
+            lane = shapely.LineString([(p.x, p.y) for p in car.way])
+            assert all(lane.distance(shapely.Point(c.position.x, c.position.y)) > 1.8 for c in scene.ground.cars)
+    assert min(kinds[kind] for kind in ("person", "car", "bird")) > 3
+
+
+def test_a_mixture_that_says_nothing_of_traffic_draws_as_it_did_before() -> None:
+    assert "traffic" not in REAL.model_dump()
+    assert made(REAL, 7).scene.traffic == ()
