@@ -18,7 +18,7 @@ setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (syst
 
 .venv/.ready: pyproject.toml uv.lock scripts/system_packages.sh
 	@test -n "$(PYTHON)" || { echo "no python3 found: install Debian's python3 (3.11)" >&2; exit 1; }
-	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if (3, 11) <= v[:2] <= (3, 12) else "Python 3.11 or 3.12 is needed; $(PYTHON) is %d.%d" % v[:2])'
+	@$(PYTHON) scripts/which_python.py
 	@scripts/system_packages.sh "python3-venv=$(PYTHON) -m ensurepip --version"
 	@scripts/system_packages.sh --optional \
 	  "libegl1=ldconfig -p | grep -q libEGL.so.1 || /sbin/ldconfig -p | grep libEGL.so.1" \

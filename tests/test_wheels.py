@@ -1,4 +1,5 @@
-"""`make setup` compiles nothing: whatever it installs has a wheel for each Python that we name, on Linux."""
+"""`make setup` compiles nothing (all that it installs has wheels for the Pythons that we name, on Linux) and refuses a
+Python that can't run the project."""
 
 import re
 import tomllib
@@ -10,6 +11,8 @@ import pytest
 from packaging.markers import Marker, default_environment
 from packaging.tags import Tag, compatible_tags, cpython_tags
 from packaging.utils import parse_wheel_filename
+
+from scripts.which_python import problem_of
 
 ROOT = Path(__file__).parents[1]
 LOCK: list[dict[str, Any]] = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))["package"]
@@ -79,3 +82,20 @@ def test_a_python_without_wheels_is_found() -> None:
     assert has_a_wheel("pybullet", (3, 11))
     assert "pybullet" in installed((3, 11))
     assert "pybullet" not in installed((3, 12))
+
+
+@pytest.mark.parametrize(
+    ("python", "sqlite", "said"),
+    [
+        ((3, 11, 2), (3, 40, 1), None),
+        ((3, 12, 1), (3, 45, 1), None),
+        ((3, 12, 1), (3, 40, 1), "Python 3.12 wants SQLite 3.42 or newer; {} has 3.40.1"),
+        ((3, 10, 0), (3, 45, 1), "Python 3.11 or 3.12 is needed; {} is 3.10"),
+        ((3, 13, 0), (3, 45, 1), "Python 3.11 or 3.12 is needed; {} is 3.13"),
+    ],
+)
+def test_a_python_that_cannot_run_the_project_is_told_why(
+    python: tuple[int, ...], sqlite: tuple[int, ...], said: str | None
+) -> None:
+    found = problem_of(python, sqlite)
+    assert found is None if said is None else found.startswith(said)
