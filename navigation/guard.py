@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, thinned, to_enu
-from navigation.railings import RAILING_M, STEPS, carriers, misses_railings, railings_on
+from navigation.railings import carriers, misses_railings, railings_on
 from navigation.sensing import FREE, HIDDEN, looked_at, read_views
 
 Floats = NDArray[np.float64]
@@ -178,21 +178,18 @@ def _outside(a: Place, b: Place, space: Space) -> Refusal | None:
 
 
 def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refusal | None:
-    """Something that was shown, or a railing on it, lies within the radius of the leg, and the leg comes nearer to it.
-    A look that sees past a railing says nothing: past what it stands on it must see."""
+    """Something that was shown lies within the radius of the leg, or a railing on a slab that the last look shows, and
+    the leg comes nearer to it."""
     low, high = np.minimum(a, b) - radius_m, np.maximum(a, b) + radius_m
     for number, look in enumerate(looks):
-        later = looks[number + 1 :]
         points = look.points[_inside(look.points, low, high)].astype(np.float64)
         hits = points[_nears(points, a, b, radius_m)]
-        hits = hits[~_seen_through(hits, later)]
+        hits = hits[~_seen_through(hits, looks[number + 1 :])]
         if len(hits):
             return _too_near("something stands", hits[0], radius_m)
-        slabs = look.slabs[_inside(look.slabs, low - (0.0, 0.0, RAILING_M), high)].astype(np.float64)
-        railings = railings_on(slabs)
-        near = _nears(railings, a, b, radius_m)
-        railings, below = railings[near], np.tile(slabs, (STEPS, 1))[near]
-        railings = railings[~_seen_through(below, later)]
+    for look in looks[-1:]:
+        railings = railings_on(look.slabs).astype(np.float64)
+        railings = railings[_nears(railings, a, b, radius_m)]
         if len(railings):
             return _too_near("a railing that depth has missed may stand", railings[0], radius_m)
     return None

@@ -1,10 +1,13 @@
 """Railings that depth misses. A stereo camera looks through a pane and drops a bar of a few pixels, but it sees the
-slab that they stand on. So of a sensor that leaves pixels invalid, whatever is level above head height is taken to
-carry a railing of the usual height, seen or not."""
+slab that they stand on, and some of what stands on it: a post, a piece of the hand rail, a chair. So of a sensor that
+leaves pixels invalid, what is level above head height and has something on it is taken to carry a railing of the usual
+height, seen or not. A roof and an awning, on which nothing stands, carry none."""
 
+import itertools
 from collections.abc import Sequence
 from typing import TypeVar
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,8 +27,11 @@ _ABOUT = 2
 _FEWEST = 5
 _BROAD_M = 0.24
 """Standard deviation of what is as high about a point, in whichever direction; a wall and a steep roof are narrower."""
+_STANDS_M = (0.35, 0.95)
+"""Above the slab. Sills, and what is on them, are higher."""
+_BESIDE_M, _SAME_SLAB_M = 2.0, 0.25
+_FEW = 3
 _UP_M = (RAILING_M / 2, RAILING_M)
-STEPS = len(_UP_M)
 
 
 def misses_railings(views: Sequence[DepthView]) -> bool:
@@ -34,8 +40,8 @@ def misses_railings(views: Sequence[DepthView]) -> bool:
 
 
 def carriers(points: Points, pose: Pose) -> Points:
-    """(K, 3) of points (N, 3) ENU about the drone, heights above ground: where something level is, one for each cell of
-    the ground plan and each height."""
+    """(K, 3) of points (N, 3) ENU about the drone, heights above ground: where something level is on which something
+    stands, one for each cell of the ground plan and each height."""
     low = max(_ABOVE_M, pose.z - _BELOW_M)
     corner = np.array((pose.x - _REACH_M, pose.y - _REACH_M, low), np.float32)
     size = np.array((2 * _REACH_M / _CELL_M, 2 * _REACH_M / _CELL_M, (pose.z + _OVER_M - low) / _LAYER_M), np.int64)
@@ -45,14 +51,18 @@ def carriers(points: Points, pose: Pose) -> Points:
     inside = np.flatnonzero(((at >= 0) & (at < size)).all(axis=1))
     filled = np.zeros(size + 2 * _ABOUT, bool)
     at = at[inside] + _ABOUT
-    cells, first = np.unique(np.ravel_multi_index(tuple(at.T), filled.shape), return_index=True)
+    cells, first = np.unique(np.ravel_multi_index((at[:, 0], at[:, 1], at[:, 2]), filled.shape), return_index=True)
     filled.ravel()[cells] = True
-    found: Points = points[inside[first[_is_level(filled, cells)]]]
-    return found
+    level = first[_is_level(filled, cells)]
+    filled[..., 0] = True  # below all: the top of a column of which nothing is known
+    top = size[2] + 2 * _ABOUT - 1 - np.argmax(filled[..., ::-1], axis=2)
+    laden = _stands_on(top, at[level])
+    slabs: Points = points[inside[level]]
+    return slabs[_has_some_beside(slabs, slabs[laden])]
 
 
 def railings_on(slabs: NDArray[Float]) -> NDArray[Float]:
-    """(STEPS * K, 3) where railings on those (K, 3) would be: all half way up, then all at the hand rail."""
+    """(2 K, 3) where railings on those (K, 3) would be: all half way up, then all at the hand rail."""
     return np.concatenate([slabs + np.array((0.0, 0.0, up), slabs.dtype) for up in _UP_M])
 
 
@@ -73,3 +83,23 @@ def _is_level(filled: NDArray[np.bool_], cells: NDArray[np.int64]) -> NDArray[np
     xx, yy, xy = xx / count - mean_x**2, yy / count - mean_y**2, xy / count - mean_x * mean_y
     narrowest = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
     return np.asarray((count >= _FEWEST) & (narrowest * _CELL_M**2 >= _BROAD_M**2))
+
+
+def _stands_on(top: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """(V,) of level cells (V, 3): those on or just beside which something ends so high that it stands there. `top`:
+    (C, C) the highest filled layer. What ends so high by a wall may be a sill."""
+    x, y, z = (at[:, axis] for axis in range(3))
+    about = cv2.dilate(top.astype(np.int16), np.ones((3, 3), np.uint8))
+    stands = np.zeros(len(at), bool)
+    for dx, dy in itertools.product((-1, 0, 1), repeat=2):  # at its edge a slab is not level all about
+        over_m = (top[x + dx, y + dy] - z) * _LAYER_M
+        by_a_wall = (about[x + dx, y + dy] - z) * _LAYER_M > RAILING_M
+        stands |= (over_m >= _STANDS_M[0]) & (over_m <= _STANDS_M[1]) & ~by_a_wall
+    return stands
+
+
+def _has_some_beside(slabs: Points, laden: Points) -> NDArray[np.bool_]:
+    """(K,) of the places, those with some of `laden` beside them on the same slab."""
+    aside_x, aside_y, up = (np.abs(slabs[:, None, axis] - laden[None, :, axis]) for axis in range(3))
+    beside = (aside_x <= _BESIDE_M) & (aside_y <= _BESIDE_M) & (up <= _SAME_SLAB_M)
+    return np.asarray(beside.sum(axis=1) >= _FEW)

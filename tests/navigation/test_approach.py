@@ -105,8 +105,9 @@ def test_in_front_of_a_balcony_the_stop_keeps_clear_of_its_railing() -> None:
 def test_of_a_sensor_with_holes_the_way_keeps_clear_of_a_railing_that_it_may_have_missed() -> None:
     """Between the drone and the stop a balcony's slab juts out 1.2 m below the way; a hand rail would be in it."""
     slab = Prism(rectangle(-4.0, -1.5, 3.0, 3.0), 6.9, 7.1)
+    post = Prism(rectangle(-4.5, -0.8, 0.2, 0.2), 7.1, 7.8)  # all that depth shows of it
     pose = Pose(-9.0, -2.2, 8.3, 0.0)
-    views = World([WALL, POT, slab]).views(pose, CAMERA)
+    views = World([WALL, POT, slab, post]).views(pose, CAMERA)
     box = _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6))
 
     def planned(holes: bool) -> Approach:
@@ -117,7 +118,7 @@ def test_of_a_sensor_with_holes_the_way_keeps_clear_of_a_railing_that_it_may_hav
 
     railing = World([slab._replace(top_m=7.1 + RAILING_M)])
     over, round_it = planned(holes=False), planned(holes=True)
-    assert _gap_m(railing, pose, over) < 0.2
+    assert _gap_m(railing, pose, over) < 0.4
     assert round_it.status == "clear"
     assert _gap_m(railing, pose, round_it) >= 0.85
 

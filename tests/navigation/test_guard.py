@@ -15,6 +15,9 @@ SPACE = Space(Place(0.0, 0.0, 5.0), 50.0, 0.8, 30.0, 0.5)
 CAMERA = pinhole(120, 120, 90.0)
 NOWHERE = np.array([[0.0, 0.0, 5.0]])
 WALL = Prism(rectangle(0.0, 10.5, 40.0, 1.0), 0.0, 20.0)
+SLAB = Prism(rectangle(0.0, 5.0, 3.0, 2.0), 3.4, 3.6)
+POST = Prism(rectangle(0.8, 4.3, 0.2, 0.1), 3.6, 4.2)
+"""All that depth shows of a railing on it."""
 
 
 def _look(
@@ -68,19 +71,16 @@ def test_where_depth_shows_nothing_no_way_is_free() -> None:
 
 
 def test_over_a_slab_a_railing_may_stand_that_a_sensor_with_holes_has_missed() -> None:
-    slab = Prism(rectangle(0.0, 5.0, 3.0, 2.0), 3.4, 3.6)
     over = [Place(0.0, 8.0, 5.0)]
-    assert _reason(over, _look([WALL, slab])) is None
-    assert _reason(over, _look([WALL, slab], holes=True)) == "clearance"
-    assert _reason(over, _look([WALL, slab._replace(bottom_m=1.2, top_m=1.4)], holes=True)) is None  # a hedge
+    assert _reason(over, _look([WALL, SLAB, POST])) is None
+    assert _reason(over, _look([WALL, SLAB, POST], holes=True)) == "clearance"
+    assert _reason(over, _look([WALL, SLAB], holes=True)) is None  # an awning
 
 
-def test_where_a_later_look_sees_past_the_slab_there_is_no_railing_either() -> None:
-    slab = Prism(rectangle(0.0, 5.0, 3.0, 2.0), 3.4, 3.6)
-    looks = [_look([WALL, slab], holes=True), _look([WALL], holes=True)]
+def test_where_the_last_look_shows_nothing_on_the_slab_it_carries_no_railing() -> None:
+    looks = [_look([WALL, SLAB, POST], holes=True), _look([WALL, SLAB], holes=True)]
     assert check([Place(0.0, 8.0, 5.0)], looks, NOWHERE, HERE, SPACE) is None
-    seen_past_the_rail = [looks[0], _look([WALL, slab])]
-    refusal = check([Place(0.0, 8.0, 5.0)], seen_past_the_rail, NOWHERE, HERE, SPACE)
+    refusal = check([Place(0.0, 8.0, 5.0)], looks[::-1], NOWHERE, HERE, SPACE)
     assert refusal is not None
     assert "a railing that depth has missed" in refusal.said
 
