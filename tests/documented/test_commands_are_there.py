@@ -30,7 +30,7 @@ MODULES_WITHOUT_OPTIONS = {
     "tests.services.vlm_gateway.hot.faults": "takes nothing",
     "training": "imports PyTorch; `make test-train` reads its options",
     "contracts.events": "takes nothing",
-    "contracts.scene": "takes nothing",
+    "contracts.scene_schema": "takes nothing",
     "scripts.configuration": "takes nothing",
 }
 
