@@ -85,7 +85,8 @@ class PlaceDrone(Wire):
 class TakeStand(Wire):
     """Find the building and stand square before it, where nothing hangs over the drone. `moves`: flights made for it;
     `looked_behind`: what the drone turned its back to was looked at; `first_yaw`: where it looked before, and
-    `first_m` how far off what it saw there was, null for nothing; `turned_back`: it looks there again, and what stands
+    `first_m` how far off what it saw there was, null for nothing; `behind`: the drone has its back to that, because
+    there was nothing near; `turned_back`: it looks there again, and what stands
     beside has turned out to be nothing; `backs_off_m`: turned away, it is to fly so far; `aside`: it has left a place
     over which something hung."""
 
@@ -94,6 +95,7 @@ class TakeStand(Wire):
     looked_behind: bool = False
     first_yaw: Radians | None = None
     first_m: Metres | None = None
+    behind: bool = False
     turned_back: bool = False
     backs_off_m: Metres = 0.0
     aside: bool = False

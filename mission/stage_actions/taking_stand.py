@@ -86,10 +86,10 @@ def _elsewhere(
     ahead_m = facing.nearest_m if facing is not None else None
     if not stage.looked_behind:
         step.plan_flight((), pose.yaw + math.pi, "no building close ahead: look behind")
-        return _next(stage, looked_behind=True, first_yaw=pose.yaw, first_m=ahead_m)
+        return _next(stage, looked_behind=True, first_yaw=pose.yaw, first_m=ahead_m, behind=True)
     if stage.first_yaw is not None and (ahead_m is None or (stage.first_m or math.inf) < ahead_m):
         step.plan_flight((), stage.first_yaw, "nothing nearer behind: back to where the drone looked first")
-        return _next(stage, first_yaw=None, first_m=None, turned_back=True)
+        return _next(stage, first_yaw=None, first_m=None, behind=False, turned_back=True)
     return None
 
 
@@ -202,7 +202,9 @@ def _fly(step: Step, length_m: float, bearing_deg: float, yaw: float | None, why
 
 def _turned(stage: TakeStand, pose: Pose) -> TakeStand:
     """To what looked like a wall from here; where it turns out to be none, the drone goes back to where it looked,
-    once."""
+    once; not where it saw nothing there and has turned its back to it, for a wall at the end of the sensor's reach."""
+    if stage.behind and stage.first_m is None:
+        return _next(stage, first_yaw=None)
     back_to = pose.yaw if stage.first_yaw is None and not stage.turned_back else stage.first_yaw
     return _next(stage, looked_behind=True, first_yaw=back_to)
 

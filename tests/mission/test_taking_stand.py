@@ -120,6 +120,28 @@ async def test_from_what_turns_out_to_be_no_wall_the_drone_goes_back_to_where_it
     assert result.outcome == "delivered"
 
 
+@dataclass(frozen=True)
+class AtTheEndOfReach(StereoBlock):
+    """A drone that is square to it sees it from no farther than 8 m."""
+
+    def depth_m(self, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+        square = abs(math.remainder(pose.yaw - FACING, math.tau)) < math.radians(15.0)
+        depth = super().depth_m(pose, camera)
+        with np.errstate(invalid="ignore"):
+            return np.where(depth > 8.0, np.nan, depth) if square else depth
+
+
+async def test_to_a_wall_behind_that_shows_only_now_and_then_the_drone_flies_on_and_not_back() -> None:
+    log = Events()
+    away = FACING + math.pi + math.radians(35.0)
+    near = Block().y0 - 9.0
+    result = await flown(AtTheEndOfReach(start=Pose(x=0.0, y=near, z=1.5, yaw=away), range_m=12.0), log)
+    turns = [e.message for e in log.of("turn")]
+    assert turns[:2] == ["no building close ahead: look behind", "turn square to the facade"]
+    assert not [said for said in turns if said.startswith("nothing nearer behind")]
+    assert result.outcome == "delivered"
+
+
 async def test_past_the_end_of_a_wall_that_it_is_square_to_the_drone_flies_on() -> None:
     log = Events()
     wing = Block(x0=-20.0, x1=-4.5, y0=-29.0, y1=-24.0, floors=3)
