@@ -1,6 +1,7 @@
 """People, cars and birds: where they are, what they show, whom they hit."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from services.sim.render.gl import GlRenderer
 from services.sim.scenes import make_ready
 from tests.cameras import square, squares
 from tests.services.sim.conftest import build_boxes, make_yard
+from tests.services.sim.running_sim import Simulator
 
 AHEAD = square(size=160)
 UP = Point3(x=0.0, y=-15.0, z=8.0)
@@ -246,3 +248,18 @@ def test_a_drone_does_not_land_on_people() -> None:
 def test_ways_that_lead_nowhere_are_refused(mover: Mover, said: str) -> None:
     with pytest.raises(BadQuestion, match=said):
         flying(make_yard(traffic=(mover,)))
+
+
+def test_looks_show_traffic_by_the_clock_and_the_same_flight_shows_the_same(launch: Callable[..., Simulator]) -> None:
+    sim = launch(builder=with_movers)
+    scene = make_yard(traffic=(walker(y=-9.0),))
+    flights = []
+    for _ in range(2):
+        episode = sim.start(scene).id
+        looks = [sim.look(episode, cameras="front")]
+        sim.move(episode, 1, [{"x": 0.0, "y": -15.0, "z": 3.0}])
+        looks += [sim.look(episode, cameras="front") for _ in range(2)]
+        flights.append(looks)
+    assert [look.views for look in flights[0]] == [look.views for look in flights[1]]
+    assert flights[0][1].pose == flights[0][2].pose
+    assert flights[0][1].views != flights[0][2].views
