@@ -48,13 +48,13 @@ from navigation.floor_localization import (
 )
 
 DRIFT_M = 0.5
+LOOKS_FOR_FACADE = 3
 
 
 async def measure_stand_off(step: Step) -> Climb | BackOff:
     """How far the facade is ahead. Raises MissionEnd (floor_not_found) where depth shows none; PortError."""
     step.enter("floors", f"going to floor {step.state.floor}")
-    sight = await step.look_ahead()
-    stand_off = facade.stand_off_m(sight.seen, FACADE)
+    sight, stand_off = await _facade_ahead(step)
     if stand_off is None:
         raise MissionEnd("floor_not_found", "depth shows no facade ahead of the drone, so no floor can be counted")
     view = vertical(sight)
@@ -67,6 +67,16 @@ async def measure_stand_off(step: Step) -> Climb | BackOff:
     if step.settings.floors == "direct-count":
         return leave_facade(step, stand_off)
     return _climb_to(step, CountBand(stand_off_m=stand_off, band=band(1, span, view.camera_at)))
+
+
+async def _facade_ahead(step: Step) -> tuple[Sight, float | None]:
+    """Looked for again where there is none: of a real camera's frames now and then only a part arrives."""
+    sight = await step.look_ahead()
+    for _ in range(LOOKS_FOR_FACADE - 1):
+        if facade.stand_off_m(sight.seen, FACADE) is not None:
+            break
+        sight = await step.look_ahead()
+    return sight, facade.stand_off_m(sight.seen, FACADE)
 
 
 async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountBandFromNearer | TakeStand:

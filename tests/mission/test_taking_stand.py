@@ -1,7 +1,7 @@
 """The beginning of a flight: from wherever the drone stands, square before the facade and under open sky."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -169,6 +169,28 @@ async def test_a_bare_house_as_high_as_may_be_flown_is_left_for_another() -> Non
     assert [e for e in log if e.message.startswith("that is no building")]
     assert result.outcome == "delivered"
     assert not world.vehicles["e1"].collided
+
+
+@dataclass(frozen=True)
+class BrokenFrame(StereoBlock):
+    """Of the second look straight ahead only the upper quarter arrives."""
+
+    looks_ahead: list[Pose] = field(default_factory=list)
+
+    def depth_m(self, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+        depth = super().depth_m(pose, camera)
+        if camera.heading_deg == 0.0:
+            self.looks_ahead.append(pose)
+            if len(self.looks_ahead) == 2:
+                depth[len(depth) // 4 :] = np.nan
+        return depth
+
+
+async def test_where_only_a_part_of_a_frame_arrives_the_facade_is_looked_for_again() -> None:
+    log = Events()
+    result = await flown(BrokenFrame(range_m=20.0), log)
+    assert len(log.of("stand_off")) == 1
+    assert result.outcome == "delivered"
 
 
 async def test_where_no_building_stands_it_says_so() -> None:
