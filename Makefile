@@ -5,7 +5,7 @@ UV_VERSION := 0.13.9
 PYTHON := $(shell for p in python3.11 python3.12 python3; do command -v $$p 2>/dev/null && break; done)
 BIN := .venv/bin
 SAMPLE ?= green-flower-pot
-BACKEND ?= embedded
+BACKEND ?=
 STREETS ?= 900
 export PYTHONUNBUFFERED := 1
 
@@ -31,12 +31,12 @@ setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (syst
 	@touch $@
 
 demo: setup  ## fly one delivery with a live view: make demo [SAMPLE=name] [BACKEND=embedded|oracle]
-	@$(BIN)/logisticsvln deliver --sample $(SAMPLE) --backend $(BACKEND)
+	@$(BIN)/logisticsvln deliver --sample $(SAMPLE) $(if $(BACKEND),--backend $(BACKEND))
 
 samples: setup  ## fly all sample deliveries: make samples [BACKEND=oracle]
 	@for file in orchestrator/samples/*.json; do \
 	  name=$$(basename $$file .json); printf '%-20s' $$name; \
-	  $(BIN)/logisticsvln deliver --sample $$name --backend $(BACKEND) 2>&1 | grep -E '^[A-Z][A-Z ]{5,}' | head -1; \
+	  $(BIN)/logisticsvln deliver --sample $$name $(if $(BACKEND),--backend $(BACKEND)) 2>&1 | grep -E '^[A-Z][A-Z ]{5,}' | head -1; \
 	done
 
 test: check .venv/.servers  ## lint, format, types, and the tests, on up to four cores (a redis-server and a PostgreSQL of their own included)

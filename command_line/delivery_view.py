@@ -26,7 +26,7 @@ from contracts.events import (
     TurnEvent,
 )
 from contracts.geometry import Pose
-from contracts.orchestrator import DeliveryResult
+from contracts.orchestrator import DeliveryResult, ModelCalls
 from mission.wording import counted
 
 PHASES = ("parse", "place", "floors", "explore", "approach", "claim")
@@ -62,7 +62,7 @@ class PlainView(Printed):
 class LiveView(Redrawn):
     """Phases, the last events, and who was asked how often and for how long."""
 
-    def __init__(self, console: Console, request: str, backend: str) -> None:
+    def __init__(self, console: Console, request: str, backend: str | None) -> None:
         self._request, self._backend = request, backend
         self._events: deque[Event] = deque(maxlen=MOST_LINES)
         self._console = console
@@ -122,7 +122,9 @@ class LiveView(Redrawn):
             figures.add_row(Text(f"model: {role}", "dim"), f"{counted(calls, 'call')}{cached}, {spent:.2f} s")
         title = Text(f"“{self._request}”", "bold", overflow="fold")
         body = Group(title, Text(), bar, Text(), lines, Text(), figures)
-        return Panel(body, title=f"LogisticsVLN · {self._backend}", border_style="blue", padding=(1, 2))
+        return Panel(
+            body, title=" · ".join(filter(None, ("LogisticsVLN", self._backend))), border_style="blue", padding=(1, 2)
+        )
 
 
 class ModelCall(NamedTuple):
@@ -163,10 +165,7 @@ def print_result(console: Console, result: DeliveryResult, folder: str) -> None:
     style = {"delivered": "bold green", "stopped_not_judged": "bold yellow"}.get(result.outcome, "bold red")
     console.print(Text(result.outcome.replace("_", " ").upper(), style), end="  ")
     console.print(result.message, markup=False, highlight=False, soft_wrap=True)
-    calls = ", ".join(
-        f"{role} {c.calls}" + (f" ({c.cache_hits} cached)" if c.cache_hits else "")
-        for role, c in result.model_calls.items()
-    )
+    calls = ", ".join(_told(role, asked) for role, asked in result.model_calls.items())
     facts = [
         ("steps", f"{counted(result.steps, 'stop')} with a model query, {result.exploration_steps} of them exploring"),
         ("flown", f"{result.path_m:.1f} m in {result.flight_s:.0f} s of flight"),
@@ -179,3 +178,10 @@ def print_result(console: Console, result: DeliveryResult, folder: str) -> None:
     for name, value in facts:
         table.add_row(Text(name, "dim"), Text(value, overflow="fold"))
     console.print(table)
+
+
+def _told(role: str, asked: ModelCalls) -> str:
+    """How often a role was asked, and who answered: "recognition 6 by embedded-3 (6 cached)"."""
+    by = f" by {' and '.join(asked.models)}" if asked.models else ""
+    cached = f" ({asked.cache_hits} cached)" if asked.cache_hits else ""
+    return f"{role} {asked.calls}{by}{cached}"

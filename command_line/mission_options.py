@@ -17,6 +17,13 @@ FloorMethod = Literal["stepwise", "direct-count"]
 SightingPolicy = Literal["look-again", "claim-at-first-sight"]
 
 Backend = Annotated[str, typer.Option(help="Who answers about pictures: embedded, oracle, or an alias of the gateway.")]
+BackendOrRoles = Annotated[
+    str | None,
+    typer.Option(
+        help="Who answers about pictures: embedded, oracle, or an alias of the gateway.",
+        show_default="whom the gateway's roles name: embedded, or as GATEWAY_CONFIG says",
+    ),
+]
 Viewpoint = Annotated[
     str | None,
     typer.Option(

@@ -20,21 +20,22 @@ class CannotFly(Exception):
     """No flight can succeed with these settings; the message says what would be right."""
 
 
-async def check_flight(services: Services, model: str, parser: str | None) -> None:
-    """Raises CannotFly where a service refuses our token, or there are no such models for their parts. Who can't be
-    reached is none of this: a mission finds that itself and says so in its result."""
+async def check_flight(services: Services, model: str | None, parser: str | None) -> None:
+    """Without a `model` those of the gateway's roles see. Raises CannotFly where a service refuses our token, or there
+    are no such models for their parts. Who can't be reached is none of this: a mission finds that itself and says so
+    in its result."""
     problems = await asyncio.gather(*(client.token_problem() for client in services.all))
     named = [f"{client.service} {problem}" for client, problem in zip(services.all, problems, strict=True) if problem]
     if named:
         raise CannotFly("; ".join(named))
     with contextlib.suppress(PortError):
-        await _find(services, model, parser)
+        await _find(services, model, parser, roles=True)
 
 
-async def _find(services: Services, model: str | None, parser: str | None) -> None:
+async def _find(services: Services, model: str | None, parser: str | None, *, roles: bool = False) -> None:
     """Raises CannotFly where there are no such models, PortError."""
     try:
-        await check_models(services.ports().vision, model, parser)
+        await check_models(services.ports().vision, model, parser, roles=roles)
     except WrongModel as error:
         raise CannotFly(str(error)) from None
 

@@ -182,7 +182,8 @@ class CustomerAnswer(Wire):
 
 class ModelCalls(Wire):
     """Counts of one role's model calls, by what the cache did and how they ended. `latencies_s`: what each call took
-    that the cache did not answer, in the order asked, the first thousand."""
+    that the cache did not answer, in the order asked, the first thousand. `models`: who answered, as they call
+    themselves, in the order in which they first did."""
 
     calls: int = 0
     cache_hits: int = 0
@@ -193,6 +194,7 @@ class ModelCalls(Wire):
     completion_tokens: int = 0
     seconds: float = 0.0
     latencies_s: tuple[float, ...] = Field(default=(), max_length=MAX_LATENCIES)
+    models: tuple[str, ...] = ()
 
 
 class Stop(Wire):

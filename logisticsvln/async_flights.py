@@ -102,7 +102,7 @@ class AsyncLocalServices:
         *,
         sample: str | None = None,
         policy: Policy | None = None,
-        vision: Model = "embedded",
+        vision: Model | None = None,
         settings: MissionSettings | dict[str, Any] | None = None,
         answers: "Sequence[str] | Customer | Callable[[OpenQuestion], str | None]" = (),
         on_event: Listener | None = None,
@@ -117,7 +117,8 @@ class AsyncLocalServices:
             policy: How to search: a name, a `SearchPolicy`, or a function of (look, tools); the settings' own
                 without it.
             vision: Who sees: a model of the gateway by its name, an `OwnVision`, or a model of one's own that one is
-                made of.
+                made of; without it whom the gateway's roles name, which is the embedded model unless a GATEWAY_CONFIG
+                says otherwise.
             settings: Every free constant of the mission.
             answers: What the customer says to what the request leaves open: texts given beforehand, or a function
                 that is asked.
@@ -130,24 +131,23 @@ class AsyncLocalServices:
             Exception: Whatever policy or model raise, after the drone was given back.
         """
         own: OwnVision | None = None
-        if isinstance(vision, str):
-            seeing = vision
-        else:
+        if vision is not None and not isinstance(vision, str):
             own = vision if isinstance(vision, OwnVision) else OwnVision(vision)
-            seeing = own.rest
-        if seeing == ORACLE and self._at is None and not self._oracle:
-            raise BadDelivery("vision: the oracle needs the simulator's truth: LocalServices(oracle=True)")
+        named = vision if isinstance(vision, str) else None if own is None else own.name
         try:
             constants = MissionSettings.model_validate({} if settings is None else settings)
         except ValidationError as error:
             raise BadDelivery(f"settings: {first_problem(error)}") from None
+        seeing = own.rest if own is not None else named or constants.vision_model
+        if seeing == ORACLE and self._at is None and not self._oracle:
+            raise BadDelivery("vision: the oracle needs the simulator's truth: LocalServices(oracle=True)")
         flown_with, given = with_policy(constants, policy)
         try:
             question = DeliveryQuestion(
                 request=request,
                 scene=read_scene(scene) if isinstance(scene, str | Path) else scene,
                 sample=sample,
-                backend=seeing if own is None else own.name,
+                backend=named,
                 settings=flown_with,
             )
         except ValidationError as error:
@@ -192,10 +192,10 @@ class AsyncLocalServices:
         own = Processes(ports, folder, environment=environment, extra=extra)
         return (await self._stack.enter_async_context(own)).addresses
 
-    async def _check(self, seeing: str, parsing: str | None) -> None:
+    async def _check(self, seeing: str | None, parsing: str | None) -> None:
         """Raises BadDelivery, PortError."""
         try:
-            await check_models(self.clients.ports().vision, seeing, parsing)
+            await check_models(self.clients.ports().vision, seeing, parsing, roles=True)
         except WrongModel as error:
             raise BadDelivery(str(error)) from None
 

@@ -61,7 +61,7 @@ class LocalServices:
         *,
         sample: str | None = None,
         policy: Policy | None = None,
-        vision: Model = "embedded",
+        vision: Model | None = None,
         settings: MissionSettings | dict[str, Any] | None = None,
         answers: Sequence[str] | Customer | Callable[[OpenQuestion], str | None] = (),
         on_event: Listener | None = None,
@@ -75,7 +75,8 @@ class LocalServices:
             sample: The name of a delivery that ships with the project, instead of a scene.
             policy: How to search: a name, a `SearchPolicy`, or a function of (look, tools).
             vision: Who sees: a model of the gateway by its name, or one's own object or function
-                (`logisticsvln.vision`).
+                (`logisticsvln.vision`); without it whom the gateway's roles name, which is the embedded model unless
+                a GATEWAY_CONFIG says otherwise.
             settings: Every free constant of the mission.
             answers: What the customer says to what the request leaves open: texts given beforehand, or a function
                 that is asked.
@@ -126,7 +127,7 @@ def fly(
     *,
     sample: str | None = None,
     policy: Policy | None = None,
-    vision: Model = "embedded",
+    vision: Model | None = None,
     settings: MissionSettings | dict[str, Any] | None = None,
     answers: Sequence[str] | Customer | Callable[[OpenQuestion], str | None] = (),
     on_event: Listener | None = None,

@@ -86,7 +86,7 @@ class OwnVision:
     """One's own model before the eyes of a mission."""
 
     def __init__(
-        self, model: object, *, name: str | None = None, rest: str = "embedded", claim_confidence: Unit | None = None
+        self, model: object, *, name: str | None = None, rest: str | None = None, claim_confidence: Unit | None = None
     ) -> None:
         """Takes the model as it is.
 
@@ -94,7 +94,8 @@ class OwnVision:
             model: An object with any of the methods `count_floors`, `find_building`, `find_object`,
                 `choose_direction`, or a function that is its `find_object`.
             name: What its answers are recorded as; its own name without it.
-            rest: Who answers the other questions: `embedded`, `oracle`, or an alias of the gateway's configuration.
+            rest: Who answers the other questions: `embedded`, `oracle`, or an alias of the gateway's configuration;
+                whom the gateway's roles name without it.
             claim_confidence: From which a match may be claimed; below it is a candidate, worth a nearer look. None:
                 the model names only what it is sure of.
 

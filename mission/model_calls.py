@@ -59,6 +59,7 @@ async def ask(call: Awaitable[A], before: ModelCalls, count: Callable[[ModelCall
             before,
             seconds,
             cached=cached,
+            model=answer.model,
             cache_hits=int(cached),
             unreadable=int(answer.outcome == "unreadable"),
             refused=int(answer.outcome == "refused"),
@@ -88,8 +89,17 @@ class CallBook:
         return await ask(call, self.calls.get(role, ModelCalls()), count)
 
 
-def _with_call(before: ModelCalls, seconds: float, *, cached: bool, **more: int) -> ModelCalls:
+def _with_call(
+    before: ModelCalls, seconds: float, *, cached: bool, model: str | None = None, **more: int
+) -> ModelCalls:
     grown = {name: getattr(before, name) + by for name, by in more.items()}
     latencies = before.latencies_s if cached else (*before.latencies_s, round(seconds, 4))[:MAX_LATENCIES]
-    changes = {"calls": before.calls + 1, "seconds": before.seconds + seconds, "latencies_s": latencies, **grown}
+    models = before.models if model is None or model in before.models else (*before.models, model)
+    changes = {
+        "calls": before.calls + 1,
+        "seconds": before.seconds + seconds,
+        "latencies_s": latencies,
+        "models": models,
+        **grown,
+    }
     return before.model_copy(update=changes)

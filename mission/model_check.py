@@ -15,16 +15,17 @@ class WrongModel(Exception):
         self.code = code
 
 
-async def check_models(vision: Vision, seeing: str | None, parsing: str | None) -> None:
+async def check_models(vision: Vision, seeing: str | None, parsing: str | None, *, roles: bool = False) -> None:
     """`seeing` answers about pictures, `parsing` reads the request; null where the services' own choice is wanted, of
-    which they make sure themselves. Raises WrongModel; PortError where the gateway does not say."""
-    if seeing is not None:
+    which a mission makes sure itself. `roles`: where no model sees by name, those of the gateway's roles are looked at
+    as well. Raises WrongModel; PortError where the gateway does not say."""
+    if seeing is not None or roles:
         await _check_vision(vision, seeing)
     if parsing not in (None, READER):
         await _check_parser(vision, str(parsing))
 
 
-async def _check_vision(vision: Vision, name: str) -> None:
+async def _check_vision(vision: Vision, name: str | None) -> None:
     try:
         await vision.preflight(PreflightQuestion(model=name))
     except UnknownModel as error:

@@ -1,5 +1,6 @@
 """A vision back end from a package outside the tree, in the gateway's own process."""
 
+import json
 import os
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import cv2
 import httpx
 import numpy as np
 import pybase64
+import pytest
 
 from tests.cameras import camera_json
 from tests.load.processes import service
@@ -64,6 +66,22 @@ def test_the_configuration_gives_it_options_and_roles(extras: Path, tmp_path: Pa
         answer = post(gateway.url, "/v1/find-object", body).json()
         assert (answer["backend"], answer["found"]) == ("colour", False)
         assert post(gateway.url, "/v1/floor-count", floors_body()).json()["backend"] == "embedded"
+
+
+@pytest.mark.slow  # a whole flight, 15 s of a core; tests/logisticsvln/test_roles.py asks what is asked
+def test_a_delivery_that_names_no_model_is_flown_by_the_roles_of_the_configuration(
+    extras: Path, tmp_path: Path
+) -> None:
+    config = '[models.mine]\nbackend = "colour"\n[roles]\nrecognition = "mine"\n'
+    environment = os.environ | settings(extras, tmp_path, config) | {"CACHE_MODE": "off"}
+    options = ["--json", "--image-size", "320", "--max-steps", "2", "--out", str(tmp_path / "runs")]
+    deliver = [sys.executable, "-m", "command_line", "deliver", "--sample", "green-flower-pot", *options]
+    ended = subprocess.run(deliver, env=environment, capture_output=True, text=True, timeout=280)
+    told = json.loads(ended.stdout)
+    by = {role: calls["models"] for role, calls in told["model_calls"].items()}
+    assert by["recognition"] == ["colour-1"], ended.stderr
+    assert by["floors"] == ["embedded-3"]
+    assert told["backend"] is None
 
 
 def test_options_that_it_does_not_know_are_told_when_it_is_asked(extras: Path, tmp_path: Path) -> None:
