@@ -30,6 +30,7 @@ _BESIDE_M = 1.5
 _FLOWN_M = 0.4
 _STEEP = 0.3
 _SEEN_THROUGH_M = 0.5
+_LOOKS_PAST_THIN = 3
 _COMES_NEARER_M = 1e-3
 _OVERHANG_M = 4.0
 """What juts out over a drone is no wider than this to any side: crowns, balconies, awnings."""
@@ -46,13 +47,14 @@ _NO_POINTS: Points = np.zeros((0, 3), np.float32)
 class Look(NamedTuple):
     """What the cameras showed at one moment: coarse views for where nothing is, `points` (N, 3) for what is there.
     `reach_m`: how far the sensor has shown that it reaches, so far. `slabs`: of the points, those on which a railing
-    may stand that depth has missed."""
+    may stand that depth has missed. `misses_thin`: of a sensor that leaves pixels invalid."""
 
     pose: Pose
     views: tuple[DepthView, ...]
     points: Points
     reach_m: float = 0.0
     slabs: Points = _NO_POINTS
+    misses_thin: bool = False
 
 
 class Space(NamedTuple):
@@ -84,8 +86,9 @@ def look_of(views: Sequence[DepthView], pose: Pose, *, shown_m: float = 0.0) -> 
     points = np.concatenate([_NO_POINTS, *parts])
     near = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= _KEPT_M
     kept = points[near & (points[:, 2] > GROUND_M)]
-    slabs = carriers(kept, pose) if misses_railings(views) else _NO_POINTS
-    return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m, slabs)
+    misses_thin = misses_railings(views)
+    slabs = carriers(kept, pose) if misses_thin else _NO_POINTS
+    return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m, slabs, misses_thin)
 
 
 def check(path: Sequence[Place], looks: Sequence[Look], flown: Floats, pose: Pose, space: Space) -> Refusal | None:
@@ -215,16 +218,17 @@ def _too_near(what: str, at: Floats, radius_m: float) -> Refusal:
 
 
 def _seen_through(points: Floats, later: Sequence[Look]) -> Bools:
-    """(N,) what was there once, and a later look sees past: it has moved, or never was."""
-    gone = np.zeros(len(points), bool)
+    """(N,) what was there once, and a later look sees past: it has moved, or never was. A sensor that misses thin
+    things misses a wire in every second look, so that several must see past."""
+    seen_past = np.zeros(len(points), np.intp)
     for look in later:
         if not len(points):
             break
         eye = np.array((look.pose.x, look.pose.y, look.pose.z))
         ray = points - eye
         length = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), _LIE_M)
-        gone |= looked_at(points + ray / length * _SEEN_THROUGH_M, look.views, look.pose) == FREE
-    return gone
+        seen_past += looked_at(points + ray / length * _SEEN_THROUGH_M, look.views, look.pose) == FREE
+    return np.asarray(seen_past >= (_LOOKS_PAST_THIN if any(look.misses_thin for look in later) else 1))
 
 
 def _grazes(a: Place, b: Place, looks: Sequence[Look], flown: Floats, radius_m: float) -> Refusal | None:

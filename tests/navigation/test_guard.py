@@ -85,6 +85,17 @@ def test_where_the_last_look_shows_nothing_on_the_slab_it_carries_no_railing() -
     assert "a railing that depth has missed" in refusal.said
 
 
+def test_what_a_sensor_that_misses_thin_things_saw_once_is_there_until_several_looks_see_past_it() -> None:
+    wire = Prism(rectangle(0.0, 5.0, 3.0, 0.05), 4.95, 5.05)
+    way = [Place(0.0, 8.0, 5.0)]
+    seen, past = _look([WALL, wire], holes=True), _look([WALL], holes=True)
+    assert [check(way, [seen, *([past] * looks)], NOWHERE, HERE, SPACE) is None for looks in range(5)] == [
+        *[False] * 3,
+        *[True] * 2,
+    ]
+    assert check(way, [_look([WALL, wire]), _look([WALL])], NOWHERE, HERE, SPACE) is None
+
+
 @pytest.mark.parametrize(
     ("end", "reason"),
     [
