@@ -24,9 +24,12 @@ setup: .venv/.ready  ## prepare .venv, so that .venv/bin/logisticsvln runs (syst
 	  "libegl1=ldconfig -p | grep -q libEGL.so.1 || /sbin/ldconfig -p | grep libEGL.so.1" \
 	  "libgl1=ldconfig -p | grep -q 'libGL.so.1 ' || /sbin/ldconfig -p | grep 'libGL.so.1 '" \
 	  "libgl1-mesa-dri=ls /usr/lib/*/dri/*swrast*.so"
-	@echo "preparing .venv with $(PYTHON) (about half a minute, once)"
+	@echo "preparing .venv with $(PYTHON) (half a minute to some minutes, once)"
+	@echo "  1/3 an environment of its own"
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	@echo "  2/3 uv $(UV_VERSION), which fetches packages"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check uv==$(UV_VERSION)
+	@echo "  3/3 the packages of uv.lock"
 	@$(BIN)/uv sync --quiet --frozen --extra all --python $(BIN)/python
 	@touch $@
 

@@ -20,7 +20,7 @@ class StepTools:
     """What a policy may use of the step under way: `mission.policies.base.SearchTools`."""
 
     def __init__(self, step: Step) -> None:
-        self._step = step
+        self._mission = step
         self.object = step.state.object or ""
         self.floor = step.state.floor or 1
         self.building_box: Box | None = step.state.building_box
@@ -30,17 +30,17 @@ class StepTools:
         self.fallback_turn_deg = step.settings.fallback_turn_deg
 
     async def viewpoint(self, question: ViewpointQuestion) -> ViewpointAnswer:
-        return await self._step.timed("viewpoint", self._step.ports.depth.viewpoint(question))
+        return await self._mission.timed("viewpoint", self._mission.ports.depth.viewpoint(question))
 
     async def safe_distances(self, question: SafeDistancesQuestion) -> SafeDistancesAnswer:
-        return await self._step.timed("safe_distances", self._step.ports.depth.safe_distances(question))
+        return await self._mission.timed("safe_distances", self._mission.ports.depth.safe_distances(question))
 
     async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
-        return await self._step.timed("explore", self._step.ports.depth.explore(question))
+        return await self._mission.timed("explore", self._mission.ports.depth.explore(question))
 
     async def choose_direction(self, question: ChooseDirectionQuestion) -> Reply[ChooseDirectionAnswer]:
-        self._step.count_stop()
-        return await self._step.ask("choice", self._step.ports.vision.choose_direction(question))
+        self._mission.count_stop()
+        return await self._mission.ask("choice", self._mission.ports.vision.choose_direction(question))
 
 
 async def plan_onward(step: Step, look: Look) -> Plan:

@@ -4,6 +4,7 @@ import re
 import tomllib
 from pathlib import Path
 
+from mission.policies.base import SearchTools
 from service_kit import extensions
 from tests.extending.conftest import EXAMPLE
 
@@ -30,3 +31,10 @@ def test_the_guide_and_the_example_have_every_group_of_entry_points() -> None:
     project = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     assert groups == set(project["entry-points"])
     assert all(f"`{group}`" in GUIDE for group in project["entry-points"])
+
+
+def test_the_guide_names_all_that_a_policy_has_of_its_tools_and_all_of_it_is_there() -> None:
+    text = (ROOT / "docs" / "python.md").read_text(encoding="utf-8").partition("### Look and tools")[2]
+    told = set(re.findall(r"`(?:await )?tools\.(\w+)|`\.(\w+)\(", text.partition("\n## ")[0]))
+    there = {name for name in vars(SearchTools) if not name.startswith("_")}
+    assert {one or other for one, other in told} == there
