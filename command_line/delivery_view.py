@@ -170,7 +170,7 @@ def print_result(console: Console, result: DeliveryResult, folder: str) -> None:
         ("steps", f"{counted(result.steps, 'stop')} with a model query, {result.exploration_steps} of them exploring"),
         ("flown", f"{result.path_m:.1f} m in {result.flight_s:.0f} s of flight"),
         ("model calls", calls or "none"),
-        ("wall time", f"{result.timings_s.get('total', 0.0):.1f} s, pictures by {result.renderer or 'nobody'}"),
+        ("wall time", f"{_wall(result)}; pictures by {result.renderer or 'nobody'}"),
         ("record", folder),
         ("picture", f"{folder}/summary.png"),
     ]
@@ -178,6 +178,10 @@ def print_result(console: Console, result: DeliveryResult, folder: str) -> None:
     for name, value in facts:
         table.add_row(Text(name, "dim"), Text(value, overflow="fold"))
     console.print(table)
+
+
+def _wall(result: DeliveryResult) -> str:
+    return f"{result.timings_s.get('total', 0.0):.1f} s for the mission, without the writing of state and summary"
 
 
 def _told(role: str, asked: ModelCalls) -> str:

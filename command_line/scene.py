@@ -208,7 +208,7 @@ def _read(file: Path) -> Scene:
         if isinstance(cause, ValidationError) and len(cause.errors()) > 1:
             for problem in cause.errors()[:20]:
                 where = ".".join(str(part) for part in problem["loc"])
-                typer.echo(f"error: {where}: {what_is_wrong(problem)}", err=True)
+                typer.echo(f"error: {where}: {what_is_wrong(problem, cause.title)}", err=True)
         stop(str(error), WRONG_INPUT)
 
 

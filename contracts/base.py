@@ -19,7 +19,8 @@ Radians = Annotated[float, Field(ge=-1_000.0, le=1_000.0)]
 Unit = Annotated[float, Field(ge=0.0, le=1.0)]
 """A share, a confidence or a position in 0..1 of an image's width or height."""
 
-Rgb = Annotated[str, Field(pattern=r"^#[0-9a-f]{6}$")]
+RGB = r"^#[0-9a-f]{6}$"
+Rgb = Annotated[str, Field(pattern=RGB)]
 """A colour as #rrggbb in lower case, sRGB."""
 
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[A-Za-z0-9][A-Za-z0-9_.:-]*$")]

@@ -20,7 +20,7 @@ from contracts.events import Event
 from contracts.orchestrator import DeliveryQuestion, DeliveryResult, MissionSettings, OpenQuestion
 from contracts.scene import Scene
 from launcher.processes import Processes, free_ports, oracle_settings
-from logisticsvln.functions import call, must_take
+from logisticsvln.functions import authors_part, call, must_take
 from logisticsvln.policies import Policy, with_policy
 from logisticsvln.scenes import read_scene
 from logisticsvln.vision import Model, OwnVision
@@ -161,7 +161,7 @@ class AsyncLocalServices:
         result = await run.fly(self._simulated(own), customer)
         if run.problem is not None:
             run.problem.add_note(f"the record of the flight is in {run.record.folder}")
-            raise run.problem
+            raise run.problem.with_traceback(authors_part(run.problem))
         return Flown(result, run.record.folder)
 
     async def __aenter__(self) -> Self:

@@ -6,6 +6,7 @@ import contextvars
 import inspect
 import threading
 from collections.abc import Callable
+from types import TracebackType
 from typing import TypeVar
 
 from orchestrator.delivery import BadDelivery
@@ -71,6 +72,16 @@ async def _in_a_thread(function: Callable[..., object], arguments: tuple[object,
 
     threading.Thread(target=work, name=getattr(function, "__name__", "function"), daemon=True).start()
     return await answer
+
+
+def authors_part(error: BaseException) -> TracebackType | None:
+    """The error's traceback from the author's own function on; all of it where no such function was called."""
+    found = step = error.__traceback__
+    while step is not None:
+        if step.tb_frame.f_code.co_filename == __file__ and step.tb_next is not None:
+            found = step.tb_next
+        step = step.tb_next
+    return found
 
 
 def _ended_by(function: Callable[..., object], error: BaseException) -> RuntimeError:

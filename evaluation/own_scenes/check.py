@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Literal, NamedTuple
 
+from contracts.near import did_you_mean
 from contracts.scene import Scene, SceneObject, WindowPlace
 from contracts.scene_layout import floor_outline, goal_window, wall_height_m, window_of
 from contracts.sim import CatalogueEntry
@@ -39,23 +40,28 @@ def _objects(scene: Scene, entries: Mapping[str, CatalogueEntry]) -> Iterator[Pr
     for thing in scene.objects:
         entry = entries.get(thing.kind)
         if entry is None:
+            near = did_you_mean(thing.kind, entries)
             yield Problem(
-                "error", f"object {thing.id}: the catalogue has no {thing.kind!r}; it has {', '.join(entries)}"
+                "error", f"object {thing.id}: the catalogue has no {thing.kind!r}{near}; it has {', '.join(entries)}"
             )
-            continue
-        if thing.colour not in entry.colours:
-            yield Problem(
-                "error",
-                f"object {thing.id}: a {thing.kind} does not come in {thing.colour!r}; it comes in "
-                f"{', '.join(entry.colours)}",
-            )
-        on = thing.place.on if isinstance(thing.place, WindowPlace) else "free"
-        if on not in entry.places:
-            yield Problem(
-                "warning", f"object {thing.id}: a {thing.kind} is made for {', '.join(entry.places)}, not for {on}"
-            )
+        else:
+            yield from _of_its_class(thing, entry)
         if isinstance(thing.place, WindowPlace):
             yield from _window(scene, thing, thing.place)
+
+
+def _of_its_class(thing: SceneObject, entry: CatalogueEntry) -> Iterator[Problem]:
+    if thing.colour not in entry.colours:
+        yield Problem(
+            "error",
+            f"object {thing.id}: a {thing.kind} does not come in {thing.colour!r}"
+            f"{did_you_mean(thing.colour, entry.colours)}; it comes in {', '.join(entry.colours)}",
+        )
+    on = thing.place.on if isinstance(thing.place, WindowPlace) else "free"
+    if on not in entry.places:
+        yield Problem(
+            "warning", f"object {thing.id}: a {thing.kind} is made for {', '.join(entry.places)}, not for {on}"
+        )
 
 
 def _window(scene: Scene, thing: SceneObject, place: WindowPlace) -> Iterator[Problem]:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from contracts.near import did_you_mean
 from contracts.scene import Building, SceneObject, WindowPlace
 from contracts.scene_layout import WindowSlot, columns_of, window_slots
 from contracts.sim import Catalogue, CatalogueEntry
@@ -26,7 +27,8 @@ def entry_of(catalogue: Catalogue, kind: str, colour: str | None = None) -> Cata
             if colour not in (None, *entry.colours):
                 raise UnbuildableScene(f"a {kind} comes in {', '.join(entry.colours)}, not in {colour!r}")
             return entry
-    raise UnbuildableScene(f"the catalogue has no {kind!r}; it has {', '.join(e.kind for e in catalogue.entries)}")
+    there = [entry.kind for entry in catalogue.entries]
+    raise UnbuildableScene(f"the catalogue has no {kind!r}{did_you_mean(kind, there)}; it has {', '.join(there)}")
 
 
 def facade_at(target: Building, start: int, corners: int) -> int:

@@ -5,16 +5,19 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from contracts.geometry import Point3
+from contracts.near import did_you_mean
 from contracts.orchestrator import Sample
 from contracts.scene import FreePlace, Scene
 from evaluation.task_set.shortest import SECOND, goal_slot, ways
 from evaluation.task_set.task import Task
-from evaluation.task_set.task_files import load
+from evaluation.task_set.task_files import SHIPPED, BadTasks, load
 from logisticsvln.scenes import read_scene
 from orchestrator import sample_library
 
 SAMPLES = "samples"
 LONGEST_REQUEST = 4000
+SHOWN = 10
+"""Names of tasks that an error lists."""
 LETTERS = frozenset(chr(code) for code in (*range(32, 127), *range(160, 592), 10, 9, *range(0x2010, 0x2027), 0x20AC))
 """What the customer's words may be made of: Latin letters, and what stands between them."""
 
@@ -40,12 +43,25 @@ def assignments_of(tasks: str | Sequence[Task | Sample]) -> tuple[Assignment, ..
     """Of the samples, a shipped set, a file of tasks, or tasks at hand. Raises BadTasks, ValueError."""
     if isinstance(tasks, str):
         if tasks != SAMPLES:
-            tasks = load(tasks).tasks
+            tasks = _set_named(tasks)
         else:
             tasks = [sample_library.load(name) for name in sample_library.names()]
     if not tasks:
         raise ValueError("tasks: there are none; give at least one")
     return tuple(assignment_of(task) for task in tasks)
+
+
+def _set_named(name: str) -> Sequence[Task]:
+    """Raises BadTasks."""
+    try:
+        return load(name).tasks
+    except BadTasks:
+        if name in SHIPPED or Path(name).exists():
+            raise
+        raise BadTasks(
+            f"there is no task set {name!r}{did_you_mean(name, (SAMPLES, *SHIPPED))}: name {SAMPLES}, one of "
+            f"{', '.join(SHIPPED)}, or a file of tasks"
+        ) from None
 
 
 def assignment_of(task: Task | Sample) -> Assignment:
@@ -84,10 +100,18 @@ def chosen_by(options: Mapping[str, Any], among: Sequence[Assignment]) -> Assign
     if isinstance(task, str):
         named = next((one for one in among if one.name == task), None)
         if named is None:
-            raise ValueError(f"options: there is no task {task!r}; {among[0].name} to {among[-1].name} are there")
+            raise ValueError(f"options: there is no task {task!r}{_there(task, [one.name for one in among])}")
     else:
         named = assignment_of(task)
     return named._replace(request=request) if request else named
+
+
+def _there(task: str, names: Sequence[str]) -> str:
+    """The nearest, and those there are, as far as a line holds them."""
+    shown = ", ".join(names[:SHOWN])
+    if len(names) > SHOWN:
+        shown += f" and {len(names) - SHOWN} more, up to {names[-1]}"
+    return f"{did_you_mean(task, names)}; there {'is' if len(names) == 1 else 'are'} {shown}"
 
 
 def _must_be_readable(request: object) -> None:

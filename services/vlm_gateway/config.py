@@ -23,6 +23,7 @@ from pydantic import Field, ValidationError
 
 from contracts.base import ModelName, Name, Wire
 from contracts.errors import what_is_wrong
+from contracts.near import did_you_mean
 from contracts.vlm_gateway import Role
 from service_kit.settings import BadSetting, secret
 from services.vlm_gateway.backends.extension import BUILT_IN, ExtensionModelConfig, extension_backends
@@ -270,7 +271,7 @@ def _read(path: Path) -> _File:
     except ValidationError as error:
         first = error.errors()[0]
         kinds = (*BUILT_IN, "extension")
-        place = [str(part) for part in first["loc"]]
+        place = [str(part) for part in first["loc"] if part != "[key]"]  # pydantic's mark of a wrong key
         if len(place) > 2 and place[0] == "models" and place[2] in kinds:
             del place[2]  # pydantic's name of the variant, which is no key of the file
         message = what_is_wrong(first)
@@ -279,7 +280,7 @@ def _read(path: Path) -> _File:
         elif first["type"] in ("union_tag_not_found", "union_tag_invalid"):
             message = f"backend must be one of {', '.join((*BUILT_IN, *extension_backends()))}"
         elif first["type"] == "literal_error" and place[0] == "roles":
-            message = f"no such role; there are {', '.join(ROLES)}"
+            message = f"no such role{did_you_mean(place[-1], ROLES)}; there are {', '.join(ROLES)}"
         raise BadSetting(f"{path}: {'.'.join(place)}: {message}") from None
 
 

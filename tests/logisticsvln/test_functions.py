@@ -3,6 +3,7 @@
 import asyncio
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from contracts.images import JpegImage, encode_jpeg
 from contracts.vlm_gateway import FloorCountQuestion
 from logisticsvln import BadDelivery, LocalServices, NextStop, NothingLeft, OwnVision
 from logisticsvln.flights import LoopThread
-from logisticsvln.functions import call, must_take
+from logisticsvln.functions import authors_part, call, must_take
 from logisticsvln.policies import of_function
 from service_kit.addresses import Addresses
 
@@ -95,6 +96,22 @@ def test_a_function_that_never_ends_does_not_hold_an_interrupt_up() -> None:
     thread.stop()
     assert time.monotonic() - began < 5.0
     waiting.set()
+
+
+async def test_an_error_of_the_authors_function_is_told_from_that_function_on() -> None:
+    def broken() -> None:
+        raise KeyError("mine")
+
+    async def broken_awaited() -> None:
+        broken()
+
+    for function, frames in ((broken, ["broken"]), (broken_awaited, ["broken_awaited", "broken"])):
+        with pytest.raises(KeyError) as raised:
+            await call(function)
+        assert [frame.name for frame in traceback.extract_tb(authors_part(raised.value))] == frames
+    with pytest.raises(ValueError, match="ours") as ours:
+        raise ValueError("ours")
+    assert authors_part(ours.value) is ours.value.__traceback__
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ An object's mount follows from its places. `stand` (sill, balcony, free): the or
 """
 
 from collections.abc import Callable
-from difflib import get_close_matches
 from functools import lru_cache
 from typing import Literal, NamedTuple, get_args
 
+from contracts.near import did_you_mean
 from contracts.sim import CatalogueEntry
 from services.sim.catalogue.palette import Paint
 from services.sim.geometry.mesh import Mesh
@@ -92,10 +92,12 @@ def build(kind: str, colour: str, textures: TextureSet) -> Mesh:
     """
     item = _table.get(kind)
     if item is None:
-        raise UnknownClass(f"the catalogue has no class {kind!r}{_nearest(kind, _table)}; it has {', '.join(_table)}")
+        raise UnknownClass(
+            f"the catalogue has no class {kind!r}{did_you_mean(kind, _table)}; it has {', '.join(_table)}"
+        )
     if colour not in item.entry.colours:
         raise UnknownColour(
-            f"{kind} does not come in {colour!r}{_nearest(colour, item.entry.colours)}; "
+            f"{kind} does not come in {colour!r}{did_you_mean(colour, item.entry.colours)}; "
             f"it comes in {', '.join(item.entry.colours)}"
         )
     return _seated(item.shape(Paint(colour, textures)), item.entry.places[0])
@@ -109,8 +111,3 @@ def _seated(mesh: Mesh, place: Place) -> Mesh:
     else:
         z = high[2] if place in HANGING else low[2]
     return mesh.transformed(move=(-x, -y, -z))
-
-
-def _nearest(word: str, words: object) -> str:
-    close = get_close_matches(word, list(words), n=1)  # type: ignore[call-overload]
-    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -76,6 +76,13 @@ def test_everything_that_is_wrong_is_found_at_once_errors_first(simulator: SimCl
     assert [problem.weight for problem in problems_of(scene, simulator)] == ["error", "error", "warning"]
 
 
+def test_an_unknown_class_is_told_with_the_nearest_and_hides_nothing_else_of_the_thing(simulator: SimClient) -> None:
+    scene = make_yard(objects=(thing("pot", kind="flower_pod", place=at(column=99)),), goal=None)
+    texts = [problem.text for problem in problems_of(scene, simulator)]
+    assert any("the catalogue has no 'flower_pod' (did you mean 'flower_pot'?)" in text for text in texts)
+    assert any("pot: " in text and "99" in text for text in texts), texts
+
+
 def test_a_neighbour_that_leaves_no_way_is_named(simulator: SimClient) -> None:
     house, shed = make_yard().buildings
     near = shed.model_copy(update={"footprint": square(10.5, 0, 4)})

@@ -69,6 +69,7 @@ WRONG = [
     ("no TOML", "[models", ["not valid TOML", "at end of document"]),
     ("unknown table", "[model.x]", ["model: no such key", "models, roles"]),
     ("unknown back end", '[models.m]\nbackend = "magic"', ["models.m", "embedded, scripted, oracle, chat"]),
+    ("unknown role", '[roles]\nrecognise = "embedded"', ["roles.recognise: no such role", "'recognition'?"]),
     ("no back end", '[models.m]\nmodel = "x"', ["models.m", "backend must be one of"]),
     (
         "unknown back end with the keys of a chat model",
