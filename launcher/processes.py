@@ -18,6 +18,7 @@ from service_kit.addresses import FLIGHT_SERVICES, PORTS, VEHICLE_PORTS, Address
 from service_kit.client import ServiceClient
 
 HOST = "127.0.0.1"
+GATEWAY = "vlm_gateway"
 READY_DEADLINE_S = 90.0
 QUICK_DRAIN_S = 3
 """What services that one command started for itself may take for answers under way, where the environment does not say:
@@ -79,9 +80,12 @@ class Processes:
         """Where the services of this group listen; those that are not part of it at their usual ports."""
         return Addresses(**{n: f"http://{HOST}:{self._ports.get(n, PORTS[n])}" for n in FLIGHT_SERVICES})
 
-    def start(self) -> None:
-        """Starts all. Raises CannotStart where a port is taken or a log can't be written."""
-        for name, port in self._ports.items():
+    def start(self, first: str | None = None) -> None:
+        """Starts all that are not started yet, or the `first` of them alone. Raises CannotStart where a port is taken
+        or a log can't be written."""
+        started = {child.name for child in self.children}
+        ports = {n: port for n, port in self._ports.items() if n not in started and first in (None, n)}
+        for name, port in ports.items():
             if not is_free(port):
                 raise CannotStart(
                     f"port {port} for {name} is taken: end what listens there (`ss -ltnp | grep {port}`), "
@@ -89,7 +93,7 @@ class Processes:
                 )
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
-            for name, port in self._ports.items():
+            for name, port in ports.items():
                 self.children.append(self._spawn(name, port))
         except OSError as error:
             raise CannotStart(f"the logs can't be written to {self._logs}: {error.strerror}") from None
@@ -140,6 +144,9 @@ class Processes:
 
     async def __aenter__(self) -> Self:
         try:
+            if GATEWAY in self._ports and self._environment.get("GATEWAY_CONFIG"):
+                self.start(GATEWAY)  # what is wrong in somebody's file is told before anything else is started
+                await self.ready()
             self.start()
             await self.ready()
         except BaseException:

@@ -55,6 +55,47 @@ class Flown(NamedTuple):
         return self.folder / "summary.png"
 
 
+class Asked(NamedTuple):
+    """A delivery as it is asked for, found sound. `seeing`: the gateway's model that sees, null for its roles."""
+
+    order: Order
+    own: OwnVision | None
+    seeing: str | None
+
+
+def asked_for(
+    request: str | None,
+    scene: Scene | str | Path | None,
+    *,
+    sample: str | None,
+    policy: Policy | None,
+    vision: Model | None,
+    settings: MissionSettings | dict[str, Any] | None,
+) -> Asked:
+    """What `fly` takes, looked at before any service is asked. Raises BadDelivery, BadScene."""
+    own: OwnVision | None = None
+    if vision is not None and not isinstance(vision, str):
+        own = vision if isinstance(vision, OwnVision) else OwnVision(vision)
+    named = vision if isinstance(vision, str) else None if own is None else own.name
+    try:
+        constants = MissionSettings.model_validate({} if settings is None else settings)
+    except ValidationError as error:
+        raise BadDelivery(f"settings: {first_problem(error)}") from None
+    seeing = own.rest if own is not None else named or constants.vision_model
+    flown_with, given = with_policy(constants, policy)
+    try:
+        question = DeliveryQuestion(
+            request=request,
+            scene=read_scene(scene) if isinstance(scene, str | Path) else scene,
+            sample=sample,
+            backend=named,
+            settings=flown_with,
+        )
+    except ValidationError as error:
+        raise BadDelivery(first_problem(error)) from None
+    return Asked(Order(question, policy=given), own, seeing)
+
+
 class AsyncLocalServices:
     """Simulator, parser, gateway and depth service as processes of this machine, for as long as the context lasts.
 
@@ -130,32 +171,13 @@ class AsyncLocalServices:
             BadScene: For a file that is no scene.
             Exception: Whatever policy or model raise, after the drone was given back.
         """
-        own: OwnVision | None = None
-        if vision is not None and not isinstance(vision, str):
-            own = vision if isinstance(vision, OwnVision) else OwnVision(vision)
-        named = vision if isinstance(vision, str) else None if own is None else own.name
-        try:
-            constants = MissionSettings.model_validate({} if settings is None else settings)
-        except ValidationError as error:
-            raise BadDelivery(f"settings: {first_problem(error)}") from None
-        seeing = own.rest if own is not None else named or constants.vision_model
+        order, own, seeing = asked_for(request, scene, sample=sample, policy=policy, vision=vision, settings=settings)
         if seeing == ORACLE and self._at is None and not self._oracle:
             raise BadDelivery("vision: the oracle needs the simulator's truth: LocalServices(oracle=True)")
-        flown_with, given = with_policy(constants, policy)
-        try:
-            question = DeliveryQuestion(
-                request=request,
-                scene=read_scene(scene) if isinstance(scene, str | Path) else scene,
-                sample=sample,
-                backend=named,
-                settings=flown_with,
-            )
-        except ValidationError as error:
-            raise BadDelivery(first_problem(error)) from None
-        order, customer = Order(question, policy=given), _customer(answers)
+        customer = _customer(answers)
         if on_event is not None:
             must_take(on_event, ("event",), "on_event")
-        await self._check(seeing, flown_with.parser_model)
+        await self._check(seeing, order.settings.parser_model)
         run = Run(order, Path(out), listener=on_event)
         _MISSIONS.addHandler(_NOBODY)
         result = await run.fly(self._simulated(own), customer)

@@ -18,9 +18,9 @@ from typing import Any, Self, TypeVar
 
 from contracts.orchestrator import MissionSettings, OpenQuestion
 from contracts.scene import Scene
-from logisticsvln.async_flights import ORACLE, AsyncLocalServices, Flown
+from logisticsvln.async_flights import ORACLE, AsyncLocalServices, Flown, asked_for
 from logisticsvln.policies import Policy
-from logisticsvln.vision import Model, OwnVision
+from logisticsvln.vision import Model
 from mission.customer import Customer
 from orchestrator.delivery import Listener
 from service_kit.addresses import Addresses
@@ -135,8 +135,8 @@ def fly(
 ) -> Flown:
     """Flies one delivery with services that are started for it and stopped after it; `LocalServices.fly` says what the
     arguments are. For more than one flight, start `LocalServices` once."""
-    rest = vision.rest if isinstance(vision, OwnVision) else vision
-    with LocalServices(oracle=rest == ORACLE) as services:
+    seeing = asked_for(request, scene, sample=sample, policy=policy, vision=vision, settings=settings).seeing
+    with LocalServices(oracle=seeing == ORACLE) as services:
         return services.fly(
             request,
             scene,

@@ -24,6 +24,21 @@ def test_a_service_that_ends_while_starting_is_reported_with_its_last_words(tmp_
     assert group.children[0].process.returncode != 0
 
 
+def test_a_wrong_file_of_the_gateways_is_told_before_any_other_service_is_started(tmp_path: Path) -> None:
+    config = tmp_path / "gateway.toml"
+    config.write_text('[roles]\nrecognise = "embedded"\n')
+    environment = process_environment() | {"GATEWAY_CONFIG": str(config)}
+    group = Processes(free_ports(["depth_assist", "vlm_gateway"]), tmp_path / "logs", environment=environment)
+
+    async def start() -> None:
+        async with group:
+            pass
+
+    with pytest.raises(CannotStart, match=r"gateway\.toml: roles\.recognise: no such role"):
+        asyncio.run(start())
+    assert [child.name for child in group.children] == ["vlm_gateway"]
+
+
 def test_a_taken_port_is_named_before_anything_is_started(tmp_path: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))

@@ -14,7 +14,7 @@ import pytest
 from contracts.geometry import Point3
 from contracts.images import JpegImage, encode_jpeg
 from contracts.vlm_gateway import FloorCountQuestion
-from logisticsvln import BadDelivery, LocalServices, NextStop, NothingLeft, OwnVision
+from logisticsvln import BadDelivery, BadScene, LocalServices, NextStop, NothingLeft, OwnVision, fly
 from logisticsvln.flights import LoopThread
 from logisticsvln.functions import authors_part, call, must_take
 from logisticsvln.policies import of_function
@@ -56,6 +56,17 @@ def test_an_argument_that_cannot_do_is_told_before_the_flight(
     with pytest.raises(BadDelivery, match=problem):
         nowhere.fly(**({"sample": "street-kite", "out": tmp_path / "runs"} | asked))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_single_flight_that_cannot_be_is_told_before_a_service_is_started(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr("sys.executable", "/nowhere/python")
+    with pytest.raises(BadDelivery, match="there is no sample 'streetkite'"):
+        fly(sample="streetkite", out=tmp_path)
+    with pytest.raises(BadScene, match=r"nowhere\.json: No such file"):
+        fly("floor 3, the kite", tmp_path / "nowhere.json", out=tmp_path)
 
 
 def test_settings_may_be_a_dictionary(nowhere: LocalServices, tmp_path: Path) -> None:
