@@ -58,6 +58,6 @@ def test_a_block_is_what_it_says_it_is(block: Block) -> None:
 
 
 def test_the_smallest_scene_of_the_documents_is_one() -> None:
-    (text,) = [block.text for block in FOUND if (block.document, block.language) == ("docs/scenes.md", "json")]
+    text = next(block.text for block in FOUND if (block.document, block.language) == ("docs/scenes.md", "json"))
     scene = Scene.model_validate_json(text)
     assert scene.goal == "goal"
