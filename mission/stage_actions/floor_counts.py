@@ -149,8 +149,11 @@ def not_there(step: Step, end: FloorNotFound) -> MissionEnd:
 
 
 def useless(times: int, count: Count) -> MissionEnd:
+    answer = count.answer
+    words = f", in its words {' '.join(answer.text.split())[:100]!r}" if answer.text else ""
     return MissionEnd(
-        "answer_unreadable", f"the floor count was {count.answer.outcome} {times} times; no height can be found"
+        "answer_unreadable",
+        f"the floor count was {answer.outcome} {times} times by {answer.model}{words}; no height can be found",
     )
 
 

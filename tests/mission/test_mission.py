@@ -241,6 +241,15 @@ async def test_an_unreadable_floor_count_is_asked_again_from_a_different_look_an
     assert always.model_calls["floors"].unreadable == 3
 
 
+async def test_a_model_that_counts_no_floors_is_named_with_its_own_words_at_the_end() -> None:
+    refusal = FloorCountAnswer(role="floors", **(WHO | {"outcome": "refused", "text": "colours have\nno floors"}))
+    world = BlockWorld()
+    end = await fly(world, vision=BlockVision(world, {"floor_count": [refusal] * 9}), max_model_failures=2)
+    assert end.message.startswith(
+        "the floor count was refused 3 times by geometry, in its words 'colours have no floors'"
+    )
+
+
 async def test_a_recognition_model_that_only_refuses_is_never_scored_as_no() -> None:
     refusal = FindObjectAnswer(role="recognition", **(WHO | {"outcome": "refused"}))
     world = BlockWorld()
