@@ -6,22 +6,33 @@ and things stretched or squeezed beyond `STRETCH`.
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from contracts.scene import Building, Light, Scene
+from contracts.cameras import Camera
+from contracts.scene import CALM, Air, Building, Light, Scene
+from contracts.sensor_profiles import PictureSensor, sensor_names, shipped_sensors
+from evaluation.task_set.mixture import drawn
+from evaluation.task_set.real_world import light_of, weather_of
 from services.sim.geometry.mesh import Mesh
 from services.sim.geometry.scene_mesh import ObjectBuilder
 from services.sim.geometry.textures import TextureSet
+from services.sim.sensors.picture import Motion, sensed_picture
+from services.sim.sensors.rain import rained
 
 TRAINED_SKIES = ("clear", "cloudy", "overcast")
+TRAINED_LIGHT = {"day": 0.7, "night": 0.3}
+TRAINED_WEATHER = {"dry": 0.65, "fog": 0.15, "rain": 0.2}
 HELD_OUT_SKY = "dusk"
 HELD_OUT_WALL = "concrete"
 HELD_OUT_FAMILY = "grey_concrete"
 STRETCH = 0.1
 HELD_OUT_STRETCH = (0.18, 0.28)
+_QUALITY = (60, 96)
+_SLOW_PX_S = 40.0
 
 
 def relit(scene: Scene, rng: np.random.Generator, *, held_out: bool = False) -> Scene:
-    """The same street in other light, with other wall colours."""
+    """The same street in other light and weather, with other wall colours."""
     sky = HELD_OUT_SKY if held_out else str(rng.choice(TRAINED_SKIES, p=(0.5, 0.3, 0.2)))
     light = Light.model_validate(
         {
@@ -31,9 +42,13 @@ def relit(scene: Scene, rng: np.random.Generator, *, held_out: bool = False) -> 
             "exposure": float(rng.uniform(0.8, 1.2)),
         }
     )
+    air = CALM
+    if not held_out:
+        light = light_of(light, drawn(TRAINED_LIGHT, rng), rng)
+        air = Air(**weather_of(drawn(TRAINED_WEATHER, rng), rng))
     repaint = rng.random() < 0.5
     buildings = tuple(_repainted(b, rng, repaint, held_out) for b in scene.buildings)
-    return scene.model_copy(update={"light": light, "buildings": buildings})
+    return scene.model_copy(update={"light": light, "air": air, "buildings": buildings})
 
 
 def _repainted(building: Building, rng: np.random.Generator, repaint: bool, held_out: bool) -> Building:
@@ -71,3 +86,19 @@ def varied(build: ObjectBuilder, seed: int, *, held_out: bool = False) -> Object
         return mesh.transformed(scale=tuple(float(g) for g in grown))
 
     return variant
+
+
+def camera_sensor(rng: np.random.Generator) -> PictureSensor:
+    """One of the shipped profiles' colour cameras, with a picture quality by chance."""
+    names = sensor_names()
+    sensor = shipped_sensors(names[int(rng.integers(len(names)))]).picture
+    return sensor.model_copy(update={"jpeg_quality": int(rng.integers(*_QUALITY))})
+
+
+def photographed(
+    rgb: NDArray[np.uint8], camera: Camera, sensor: PictureSensor, air: Air, rng: np.random.Generator
+) -> NDArray[np.uint8]:
+    """(H, W, 3) what that camera, which hovers, makes of a picture of dry air."""
+    if air.rain_mm_h:
+        rgb = rained(rgb, camera.fy_px, air.rain_mm_h, sensor.exposure_s, rng)
+    return sensed_picture(rgb, camera, sensor, Motion(*rng.normal(0.0, _SLOW_PX_S, 2).tolist()), rng)

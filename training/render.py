@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from contracts.cameras import Camera, pinhole_camera
+from contracts.sensor_profiles import PictureSensor
 from contracts.sim import Catalogue
 from evaluation.scene_generator.scene_plan import UnbuildableScene
 from services.sim.catalogue import CATALOGUE, build, poster_layers
@@ -18,7 +19,7 @@ from services.sim.geometry.scene_mesh import build_scene_mesh
 from services.sim.geometry.textures import TextureSet, base_textures
 from services.sim.render.gl import GlRenderer
 from training.labels import Labeller, Labels
-from training.looks import varied
+from training.looks import camera_sensor, photographed, varied
 from training.shards import shard_path, write
 from training.stops import CameraPose, looks
 from training.streets import Street, street
@@ -27,7 +28,7 @@ FIT_SEEDS = range(90_000)
 VALIDATION_SEEDS = range(90_000, 100_000)
 SIZE_PX = 800
 STOPS, FRONTAL = 7, 3
-_QUALITY = (60, 96)
+_PLAIN_QUALITY = 90
 
 
 def kind_numbers(catalogue: Catalogue = CATALOGUE) -> dict[str, int]:
@@ -62,11 +63,13 @@ class Studio:
         held_out: bool = False,
         plain: bool = False,
     ) -> tuple[list[bytes], list[Labels]]:
-        """A JPEG and its labels for each view. `plain`: the catalogue's own shapes and a good picture quality."""
+        """A JPEG and its labels for each view. `plain`: the catalogue's own shapes, a perfect camera and a good picture
+        quality."""
         builder = build if plain else varied(build, place.scene.seed, held_out=held_out)
         mesh = build_scene_mesh(place.scene, builder, self._textures)
         labeller = Labeller(place.scene, mesh, self._kinds, self._colours)
         uploaded = self._gl.upload(mesh)
+        sensor = PictureSensor(jpeg_quality=_PLAIN_QUALITY) if plain else camera_sensor(rng)
         jpegs, labels = [], []
         try:
             for look in views:
@@ -74,10 +77,10 @@ class Studio:
                 seen = self._gl.render(uploaded, look.pose, [camera], labelled=True)
                 assert seen.ids is not None
                 rgb, ids = seen.rgb[0], seen.ids[0]
-                quality = 90 if plain else int(rng.integers(*_QUALITY))
-                done, jpeg = cv2.imencode(
-                    ".jpg", cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, quality]
-                )
+                if not plain:
+                    rgb = photographed(rgb, camera, sensor, place.scene.air, rng)
+                bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+                done, jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, sensor.jpeg_quality])
                 assert done
                 jpegs.append(jpeg.tobytes())
                 labels.append(labeller.of(look.pose, camera, ids))

@@ -13,7 +13,7 @@ from training.streets import Street
 HEADINGS_DEG = (-90.0, -45.0, 0.0, 45.0, 90.0)
 NEAREST_M = 2.4
 _OFF_M = (3.0, 13.0)
-_SQUARE_M = (7.5, 10.5)
+_SQUARE_M = (6.0, 13.0)
 _TURNS = 30
 
 

@@ -41,9 +41,9 @@ def real_scene(scene: Scene, spec: SceneSpec, mixture: Mixture, rng: np.random.G
         update={
             "start": _started(scene, spec, start, rng),
             "sensors": None if sensors == "perfect" else sensors,
-            "light": _light(scene.light, drawn({str(k): v for k, v in mixture.light.items()}, rng), rng),
+            "light": light_of(scene.light, drawn({str(k): v for k, v in mixture.light.items()}, rng), rng),
             "air": Air(
-                **_weather(drawn({str(k): v for k, v in mixture.weather.items()}, rng), rng),
+                **weather_of(drawn({str(k): v for k, v in mixture.weather.items()}, rng), rng),
                 wind=_wind(drawn({str(k): v for k, v in mixture.wind.items()}, rng), rng),
             ),
         }
@@ -154,7 +154,8 @@ def _inside(point: tuple[float, float], plan: tuple[tuple[float, float], ...]) -
     return crossings % 2 == 1
 
 
-def _light(light: Light, name: str, rng: np.random.Generator) -> Light:
+def light_of(light: Light, name: str, rng: np.random.Generator) -> Light:
+    """The light by day as it is, or that of a dusk or a night."""
     lit = round(float(rng.uniform(0.2, 0.5)), 2)
     if name == "night":
         return light.model_copy(update={"sky": "night", "lit_windows": lit, "exposure": 1.8})
@@ -164,7 +165,8 @@ def _light(light: Light, name: str, rng: np.random.Generator) -> Light:
     return light.model_copy(update={"sky": "clear" if light.sky == "dusk" else light.sky})
 
 
-def _weather(name: str, rng: np.random.Generator) -> dict[str, float]:
+def weather_of(name: str, rng: np.random.Generator) -> dict[str, float]:
+    """What of `Air` that weather sets."""
     if name == "fog":
         return {"visibility_m": round(float(rng.uniform(60.0, 250.0)), 0)}
     return {"rain_mm_h": round(float(rng.uniform(2.0, 25.0)), 1)} if name == "rain" else {}
