@@ -3,6 +3,7 @@
 Part of the scene document (`contracts.scene`): metres, ENU. All of it is solid.
 """
 
+import math
 from collections.abc import Iterable
 from typing import Annotated, Literal, Self
 
@@ -18,6 +19,8 @@ LOWEST_WIRE_M = 0.5
 LOWEST_AWNING_M = 1.8
 VALANCE_M = 0.18
 """How far the cloth hangs down at an awning's front edge."""
+_ROUNDED_M = 1e-6
+HIGHEST_WIRE_M = 60.0
 SignText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=24)]
 
 
@@ -72,6 +75,10 @@ class OverheadWire(Wire):
         span_m = ((self.end.x - self.start.x) ** 2 + (self.end.y - self.start.y) ** 2) ** 0.5
         if not 0.5 <= span_m <= LONGEST_SPAN_M:
             raise ValueError(f"a wire spans 0.5 to {LONGEST_SPAN_M:g} m of the plan, not {span_m:.2f} m")
+        if max(self.start.z, self.end.z) > HIGHEST_WIRE_M:
+            raise ValueError(
+                f"a wire hangs no higher than {HIGHEST_WIRE_M:g} m, not {max(self.start.z, self.end.z):g} m"
+            )
         low_m = min(self.height_m(k / 20) for k in range(21))
         if low_m < LOWEST_WIRE_M:
             raise ValueError(
@@ -123,8 +130,8 @@ def low_awning(awnings: Iterable[Awning], window_top_m: float, floor_height_m: f
     """What is wrong with the first awning that one would walk into."""
     for awning in awnings:
         edge_m = awning_top_m(awning.floor, window_top_m, floor_height_m) - awning.drop_m - VALANCE_M
-        if edge_m < LOWEST_AWNING_M:
-            most_m = awning.drop_m - (LOWEST_AWNING_M - edge_m)
+        if edge_m < LOWEST_AWNING_M - _ROUNDED_M:
+            most_m = math.floor(100.0 * (awning.drop_m - (LOWEST_AWNING_M - edge_m) + _ROUNDED_M)) / 100.0
             advice = f"drop_m of at most {most_m:.2f}" if most_m >= 0.0 else "taller windows"
             return f"an awning would hang down to {edge_m:.2f} m; at least {LOWEST_AWNING_M:g} m is needed: {advice}"
     return None

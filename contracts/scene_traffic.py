@@ -15,6 +15,7 @@ from contracts.geometry import Point2, Point3
 
 MAX_MOVERS = 60
 SHORTEST_LEG_M = 0.5
+LOWEST_BIRD_M, HIGHEST_BIRD_M = 1.0, 100.0
 Way = tuple[Point2, ...]
 
 
@@ -29,6 +30,8 @@ def _flyable(way: tuple[Point3, ...]) -> tuple[Point3, ...]:
     """The leg that closes the loop included."""
     for number, (a, b) in enumerate(zip(way, (*way[1:], way[0]), strict=True)):
         _must_lead_somewhere(number, dist((a.x, a.y), (b.x, b.y)))
+        if not LOWEST_BIRD_M <= a.z <= HIGHEST_BIRD_M:
+            raise ValueError(f"birds fly {LOWEST_BIRD_M:g} to {HIGHEST_BIRD_M:g} m above ground, not at {a.z:g} m")
     return way
 
 

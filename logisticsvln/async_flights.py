@@ -177,7 +177,7 @@ class AsyncLocalServices:
         customer = _customer(answers)
         if on_event is not None:
             must_take(on_event, ("event",), "on_event")
-        await self._check(seeing, order.settings.parser_model)
+        await self._check(seeing, order.settings.parser_model, roles=own is None or own.asks_others)
         run = Run(order, Path(out), listener=on_event)
         _MISSIONS.addHandler(_NOBODY)
         result = await run.fly(self._simulated(own), customer)
@@ -214,10 +214,10 @@ class AsyncLocalServices:
         own = Processes(ports, folder, environment=environment, extra=extra)
         return (await self._stack.enter_async_context(own)).addresses
 
-    async def _check(self, seeing: str | None, parsing: str | None) -> None:
+    async def _check(self, seeing: str | None, parsing: str | None, *, roles: bool) -> None:
         """Raises BadDelivery, PortError."""
         try:
-            await check_models(self.clients.ports().vision, seeing, parsing, roles=True)
+            await check_models(self.clients.ports().vision, seeing, parsing, roles=roles)
         except WrongModel as error:
             raise BadDelivery(str(error)) from None
 

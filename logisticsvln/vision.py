@@ -118,6 +118,11 @@ class OwnVision:
         self.rest = rest
         self.claim_confidence = claim_confidence
 
+    @property
+    def asks_others(self) -> bool:
+        """Is there a question that it leaves to the gateway?"""
+        return not all(self._methods.values())
+
     def before(self, gateway: Vision) -> "VisionPort":
         """As a mission's port; `gateway` is asked what this model does not answer."""
         return VisionPort(self, gateway)

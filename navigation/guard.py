@@ -181,8 +181,8 @@ def _outside(a: Place, b: Place, space: Space) -> Refusal | None:
 
 
 def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refusal | None:
-    """Something that was shown lies within the radius of the leg, or a railing on a slab that the last look shows, and
-    the leg comes nearer to it."""
+    """Something that was shown lies within the radius of the leg, or a railing on a slab that the last look shows, or
+    the last one with all cameras, and the leg comes nearer to it."""
     low, high = np.minimum(a, b) - radius_m, np.maximum(a, b) + radius_m
     for number, look in enumerate(looks):
         points = look.points[_inside(look.points, low, high)].astype(np.float64)
@@ -190,7 +190,9 @@ def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refu
         hits = hits[~_seen_through(hits, looks[number + 1 :])]
         if len(hits):
             return _too_near("something stands", hits[0], radius_m)
-    for look in looks[-1:]:
+    all_cameras = max((len(look.views) for look in looks), default=0)
+    last_of_all = [look for look in looks if len(look.views) == all_cameras][-1:]
+    for look in [*last_of_all, *looks[-1:]]:
         railings = railings_on(look.slabs).astype(np.float64)
         railings = railings[_nears(railings, a, b, radius_m)]
         if len(railings):

@@ -29,7 +29,7 @@ _BROAD_M = 0.24
 """Standard deviation of what is as high about a point, in whichever direction; a wall and a steep roof are narrower."""
 _STANDS_M = (0.35, 0.95)
 """Above the slab. Sills, and what is on them, are higher."""
-_BESIDE_M, _SAME_SLAB_M = 2.0, 0.25
+_BESIDE_CELLS, _SAME_SLAB_LAYERS = 8, 2
 _FEW = 3
 _UP_M = (RAILING_M / 2, RAILING_M)
 
@@ -57,8 +57,9 @@ def carriers(points: Points, pose: Pose) -> Points:
     filled[..., 0] = True  # below all: the top of a column of which nothing is known
     top = size[2] + 2 * _ABOUT - 1 - np.argmax(filled[..., ::-1], axis=2)
     laden = _stands_on(top, at[level])
-    slabs: Points = points[inside[level]]
-    return slabs[_has_some_beside(slabs, slabs[laden])]
+    many = _counted_beside(at[level], at[level][laden], filled.shape) >= _FEW
+    found: Points = points[inside[level[many]]]
+    return found
 
 
 def railings_on(slabs: NDArray[Float]) -> NDArray[Float]:
@@ -98,8 +99,17 @@ def _stands_on(top: NDArray[np.int64], at: NDArray[np.int64]) -> NDArray[np.bool
     return stands
 
 
-def _has_some_beside(slabs: Points, laden: Points) -> NDArray[np.bool_]:
-    """(K,) of the places, those with some of `laden` beside them on the same slab."""
-    aside_x, aside_y, up = (np.abs(slabs[:, None, axis] - laden[None, :, axis]) for axis in range(3))
-    beside = (aside_x <= _BESIDE_M) & (aside_y <= _BESIDE_M) & (up <= _SAME_SLAB_M)
-    return np.asarray(beside.sum(axis=1) >= _FEW)
+def _counted_beside(at: NDArray[np.int64], laden: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int64]:
+    """(V,) how many of the cells `laden` (L, 3) lie beside each of the cells `at` (V, 3), on the same slab: by sums
+    over a box, whatever their number."""
+    sums = np.zeros([size + 1 for size in shape], np.int32)
+    sums[tuple((laden + 1).T)] = 1
+    for axis in range(3):
+        np.cumsum(sums, axis=axis, out=sums)
+    reach = np.array((_BESIDE_CELLS, _BESIDE_CELLS, _SAME_SLAB_LAYERS))
+    low, high = np.maximum(at - reach, 0), np.minimum(at + reach + 1, shape)
+    count = np.zeros(len(at), np.int64)
+    for corner in itertools.product((0, 1), repeat=3):
+        x, y, z = (np.where(end, high[:, axis], low[:, axis]) for axis, end in enumerate(corner))
+        count += (-1) ** (3 - sum(corner)) * sums[x, y, z]
+    return count

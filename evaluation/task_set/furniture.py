@@ -94,8 +94,8 @@ def _with_shops(building: Building, rng: np.random.Generator) -> Building:
             drop_m = min(float(rng.choice((0.0, 0.3, 0.5))), top_m - VALANCE_M - LOWEST_AWNING_M)
             if rng.random() < _AWNING_SHARE and drop_m >= 0.0 and len(awnings) < 12:
                 looks = {"colour": _CLOTH[cloth], "stripes": "#f2efe8" if rng.random() < 0.5 else None}
-                depth_m = round(float(rng.uniform(0.8, 1.6)), 2)
-                awnings.append(Awning.model_validate(place | looks | {"depth_m": depth_m, "drop_m": round(drop_m, 2)}))
+                size = {"depth_m": round(float(rng.uniform(0.8, 1.6)), 2), "drop_m": math.floor(100.0 * drop_m) / 100.0}
+                awnings.append(Awning.model_validate(place | looks | size))
             if len(signs) < 12:
                 colours = dict(zip(("colour", "letters"), _BOARDS[board], strict=True))
                 kind = "projecting" if rng.random() < _BLADE_SHARE else "board"

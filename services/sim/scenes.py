@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from contracts.geometry import Point2, Point3
 from contracts.scene import Building, Scene, WindowPlace
 from contracts.scene_layout import columns_of, floor_outline, wall_height_m, window_of
 from episode_kit.judge import Thing
@@ -65,11 +66,27 @@ def make_ready(scene: Scene, build: SceneBuilder) -> ReadyScene:
     return ReadyScene(scene_key(scene), scene, mesh, blueprint, _things(scene, mesh))
 
 
+def _check_furniture(scene: Scene, half: float) -> None:
+    ground = scene.ground
+    places: list[tuple[str, Point2 | Point3]] = [("poles", pole.position) for pole in ground.poles]
+    places += [("hedges", end) for hedge in ground.hedges for end in (hedge.start, hedge.end)]
+    places += [("fences", end) for fence in ground.fences for end in (fence.start, fence.end)]
+    places += [("wires", end) for wire in ground.wires for end in (wire.start, wire.end)]
+    for name, place in places:
+        if max(abs(place.x), abs(place.y)) > half:
+            raise BadQuestion(
+                f"ground.{name}: ({place.x:g}, {place.y:g}) lies outside; the ground ends at {half:g} m "
+                "(ground.half_size_m)",
+                code="bad_scene",
+            )
+
+
 def check(scene: Scene) -> None:
     """What the document's own type can't see. Raises BadQuestion."""
     half = scene.ground.half_size_m
     windows = 0
     check_traffic(scene)
+    _check_furniture(scene, half)
     for building in scene.buildings:
         corner = max(max(abs(p.x), abs(p.y)) for p in building.footprint)
         if corner > half:

@@ -49,6 +49,7 @@ def test_what_a_scene_has_of_it_comes_back() -> None:
         ("hedges", [line(5) | {"height_m": 9}], "less than or equal to 4"),
         ("fences", [line(5) | {"kind": "moat"}], "'wall', 'pickets' or 'bars'"),
         ("fences", [line(5)] * 61, "at most 60 items"),
+        ("wires", [SPAN | {"end": {"x": 20, "y": 0, "z": 680}}], "a wire hangs no higher than 60 m, not 680 m"),
         ("wires", [SPAN | {"sag_m": 5.0} | {"end": {"x": 20, "y": 0, "z": 3}}], "hangs down to"),
         ("wires", [SPAN | {"end": {"x": 0, "y": 0.1, "z": 9}}], "0.5 to 150 m of the plan, not 0.10 m"),
         ("wires", [SPAN | {"diameter_m": 0.0}], "greater than or equal to 0.004"),
@@ -79,3 +80,12 @@ def test_what_is_wrong_with_a_shopfront_is_said(field: str, value: object, said:
 def test_a_wire_hangs_lowest_by_its_sag_in_the_middle_between_level_ends() -> None:
     wire = OverheadWire.model_validate(SPAN | {"end": {"x": 20, "y": 0, "z": 6}, "sag_m": 0.7})
     assert [wire.height_m(share) for share in (0.0, 0.5, 1.0)] == pytest.approx([6.0, 5.3, 6.0])
+
+
+@pytest.mark.parametrize(("sill_m", "height_m"), [(0.9, 1.0), (0.3, 1.456), (0.8, 1.2), (1.0, 0.9)])
+def test_an_awning_hangs_as_low_as_its_refusal_says_that_it_may(sill_m: float, height_m: float) -> None:
+    house = HOUSE | {"windows": {"sill_m": sill_m, "height_m": height_m}}
+    with pytest.raises(ValidationError, match="drop_m of at most") as refused:
+        Building.model_validate(house | {"awnings": [{"facade": 0, "column": 0, "drop_m": 1.5}]})
+    most_m = float(str(refused.value).split("at most ")[1].split(" ")[0].rstrip("[,"))
+    Building.model_validate(house | {"awnings": [{"facade": 0, "column": 0, "drop_m": most_m}]})

@@ -43,6 +43,10 @@ def test_traffic_survives_its_json() -> None:
         ([{"kind": "person", "id": "anna", "way": WALK, "speed_m_s": 9}], "less than or equal to 3"),
         ([{"kind": "person", "id": "anna", "way": WALK}] * 2, "more than one mover is called anna"),
         ([{"kind": "bird", "id": "crow", "way": WALK}], "z"),
+        (
+            [{"kind": "bird", "id": "crow", "way": [{**point, "z": -5.0} for point in (*WALK, {"x": 0.5, "y": 9.5})]}],
+            "birds fly 1 to 100 m above ground, not at -5 m",
+        ),
         ([{"kind": "car", "id": f"car-{k}", "way": WALK} for k in range(MAX_MOVERS + 1)], "at most 60 items"),
     ],
 )

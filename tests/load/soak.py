@@ -99,8 +99,8 @@ def deliver(door: OrchestratorDoor, catalogue: Catalogue, number: int, pace: Pac
     settings = {"image_size": pace.image_size, "max_exploration_steps": pace.steps}
     name = door.post(request=request, scene=new.scene.model_dump(mode="json"), backend=backend, settings=settings)
     events = heard(door, name)
-    picture = next(file for event in events for file in event.pictures)
-    own = [f"/v1/deliveries/{name}/{part}" for part in (f"files/{picture}", "street", "tracking")]
+    pictures = [f"files/{file}" for event in events for file in event.pictures][:1]
+    own = [f"/v1/deliveries/{name}/{part}" for part in (*pictures, "street", "tracking")]
     paths = (*own, "/v1/overview", "/v1/deliveries", "/v1/vehicles", "/metrics")
     for path in paths:
         httpx.get(door.url + path, timeout=60).raise_for_status()
@@ -122,6 +122,11 @@ def soak(services: Processes, pace: Pace) -> Soaked:
         outcomes[deliver(door, catalogue, readings.deliveries, pace)] += 1
         readings.deliveries += 1
         time.sleep(max(SETTLE_S, now + pace.every_s - time.monotonic()))
+        if not readings.is_alive():
+            sys.stderr.write(
+                f"\na service has ended by itself after {readings.deliveries} deliveries: nothing is measured\n"
+            )
+            sys.exit(3)
         _progress(readings.samples[-1])
     return Soaked(list(readings.samples), dict(outcomes))
 
@@ -193,7 +198,10 @@ def main() -> None:
     slopes = {name: slope(warm, name) for name in PORTS}
     sys.stderr.write("\n")
     bound = asked.bound
-    found = json.dumps(document(soaked, warm, slopes, bound)) if asked.json else table(slopes, warm, bound)
+    ended = ", ".join(f"{count} {outcome}" for outcome, count in soaked.outcomes.items())
+    found = table(slopes, warm, bound) + f"\ndeliveries: {ended}"
+    if asked.json:
+        found = json.dumps(document(soaked, warm, slopes, bound))
     sys.stdout.write(found + "\n")
     if asked.plot:
         plot(asked.plot, soaked.samples, warm, slopes)

@@ -77,6 +77,15 @@ def test_over_a_slab_a_railing_may_stand_that_a_sensor_with_holes_has_missed() -
     assert _reason(over, _look([WALL, SLAB], holes=True)) is None  # an awning
 
 
+def test_a_look_ahead_alone_does_not_make_a_railing_vanish_that_all_cameras_showed() -> None:
+    whole = _look([WALL, SLAB, POST], holes=True)
+    ahead = _look([WALL, SLAB, POST], holes=True)._replace(slabs=whole.slabs[:0])
+    ahead = ahead._replace(views=ahead.views[:1])
+    refusal = check([Place(0.0, 8.0, 5.0)], [whole, ahead], NOWHERE, HERE, SPACE)
+    assert refusal is not None
+    assert "a railing that depth has missed" in refusal.said
+
+
 def test_where_the_last_look_shows_nothing_on_the_slab_it_carries_no_railing() -> None:
     looks = [_look([WALL, SLAB, POST], holes=True), _look([WALL, SLAB], holes=True)]
     assert check([Place(0.0, 8.0, 5.0)], looks, NOWHERE, HERE, SPACE) is None

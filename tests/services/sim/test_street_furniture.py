@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from contracts.geometry import Pose
-from contracts.scene import Scene
+from contracts.scene import Ground, Scene
 from contracts.sensor_profiles import StereoDepth, TimeOfFlightDepth, shipped_sensors
+from service_kit.errors import BadQuestion
 from services.sim.bootstrap import build_scene
 from services.sim.geometry.letters import letters
 from services.sim.geometry.scene_mesh import SceneMesh
 from services.sim.render.gl import GlRenderer
 from services.sim.render.views import RenderedViews
+from services.sim.scenes import check
 from services.sim.sensors.chance import generator
 from services.sim.sensors.depth import sensed_depth
 from services.sim.sensors.suite import frames_of
@@ -210,3 +212,18 @@ def test_glass_seen_along_the_wall_shows_more_of_the_sky_than_from_before_it(gl:
         brighter.append(float((linear[1] - linear[0]).mean()))
     assert brighter[0] > 0.02
     assert brighter[1] > 1.4 * brighter[0]
+
+
+@pytest.mark.parametrize(
+    "ground",
+    [
+        {"hedges": [{"start": {"x": 9000, "y": 0}, "end": {"x": 9003, "y": 0}}]},
+        {"poles": [{"position": {"x": 0, "y": -9000}}]},
+        {"wires": [{"start": {"x": 9000, "y": 0, "z": 6}, "end": {"x": 9020, "y": 0, "z": 6}}]},
+    ],
+)
+def test_furniture_beyond_the_ground_is_refused(ground: dict) -> None:
+    yard = make_yard()
+    scene = yard.model_copy(update={"ground": Ground.model_validate(yard.ground.model_dump() | ground)})
+    with pytest.raises(BadQuestion, match=r"lies outside; the ground ends at"):
+        check(scene)
