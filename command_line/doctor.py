@@ -104,14 +104,20 @@ def _packages() -> Finding:
 
 def required_packages(requirements: Sequence[str]) -> list[str]:
     """The distributions that the services and commands need, of the project's own `requirements` (PEP 508): all but
-    those of the extras for charts and for training."""
+    those of the extras for charts and for training, and of other Pythons."""
     names = set()
     for line in requirements:
         requirement, _, marker = line.partition(";")
         extra = re.search(r"extra == [\"']([a-z-]+)[\"']", marker)
-        if extra is None or extra[1] not in NOT_FOR_FLYING:
+        if (extra is None or extra[1] not in NOT_FOR_FLYING) and _for_this_python(marker):
             names.add(re.split(r"[^A-Za-z0-9._-]", requirement.strip(), maxsplit=1)[0])
     return sorted(names)
+
+
+def _for_this_python(marker: str) -> bool:
+    limits = re.findall(r"python_version (<|>=) [\"'](\d+)\.(\d+)[\"']", marker)
+    at_least = {">=": True, "<": False}
+    return all((sys.version_info[:2] >= (int(a), int(b))) is at_least[sign] for sign, a, b in limits)
 
 
 def _there(distribution: str) -> bool:

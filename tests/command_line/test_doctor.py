@@ -39,7 +39,8 @@ def test_only_packages_that_flying_needs_are_looked_for() -> None:
     requirements = [
         "aiohttp>=3.11",
         "uvicorn[standard]==0.38.0",
-        "pybullet>=3.2.6; extra == 'sim'",
+        "pybullet>=3.2.6; (python_version < '9.0') and extra == 'sim'",
+        "pybullet-of-another-python>=3.2.8; (python_version >= '9.0') and extra == 'sim'",
         'matplotlib>=3.9; extra == "eval"',
         "torch>=2.6; extra == 'train'",
         "torch>=2.6; extra == 'all'",

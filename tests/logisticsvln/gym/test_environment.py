@@ -131,7 +131,7 @@ def test_without_a_goal_nothing_is_called_a_success(env: gymnasium.Env[Any, Any]
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        ({"task": "field"}, "no task 'field'; yard to yard are there"),
+        ({"task": "field"}, "no task 'field'; there is yard"),
         ({"scene": make_yard()}, "a scene needs a request"),
         ({"request": "floor 3"}, "needs a task or a scene"),
         ({"weather": "rain"}, "there is no 'weather'"),
