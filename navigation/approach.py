@@ -12,8 +12,8 @@ from navigation import opening as openings
 from navigation import target as targets
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
-from navigation.railings import carriers, misses_railings, railings_on
-from navigation.sensing import FREE, looked_at
+from navigation.railings import carriers, railings_on
+from navigation.sensing import FREE, leaves_invalid, looked_at
 from navigation.target import Box, Target
 
 _ANOTHER_SIDE_RAD = math.radians(20.0)
@@ -86,7 +86,7 @@ def plan_approach(
     points = points[points[:, 2] > GROUND_M]  # the ground is no obstacle of a way above it
     found = corners.at_nearest_wall(found, points, settings.corner)
     shown = points
-    if misses_railings(views):
+    if leaves_invalid(views):
         points = np.concatenate([points, railings_on(carriers(points, pose))])
     stop = stop_place(found, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)

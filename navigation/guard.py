@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, thinned, to_enu
-from navigation.railings import carriers, misses_railings, railings_on
-from navigation.sensing import FREE, HIDDEN, looked_at, read_views
+from navigation.railings import carriers, railings_on
+from navigation.sensing import FREE, HIDDEN, leaves_invalid, looked_at, read_views
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -86,7 +86,7 @@ def look_of(views: Sequence[DepthView], pose: Pose, *, shown_m: float = 0.0) -> 
     points = np.concatenate([_NO_POINTS, *parts])
     near = np.hypot(points[:, 0] - pose.x, points[:, 1] - pose.y) <= _KEPT_M
     kept = points[near & (points[:, 2] > GROUND_M)]
-    misses_thin = misses_railings(views)
+    misses_thin = leaves_invalid(views)
     slabs = carriers(kept, pose) if misses_thin else _NO_POINTS
     return Look(pose, tuple(thinned(view, _COARSE_PX) for view in read), kept, shown_m, slabs, misses_thin)
 
@@ -191,8 +191,9 @@ def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refu
         if len(hits):
             return _too_near("something stands", hits[0], radius_m)
     all_cameras = max((len(look.views) for look in looks), default=0)
-    last_of_all = [look for look in looks if len(look.views) == all_cameras][-1:]
-    for look in [*last_of_all, *looks[-1:]]:
+    whole = [look for look in looks if len(look.views) == all_cameras][-1:]
+    in_part = [look for look in looks[-1:] if len(look.views) < all_cameras]
+    for look in [*whole, *in_part]:
         railings = railings_on(look.slabs).astype(np.float64)
         railings = railings[_nears(railings, a, b, radius_m)]
         if len(railings):

@@ -4,14 +4,13 @@ leaves pixels invalid, what is level above head height and has something on it i
 height, seen or not. A roof and an awning, on which nothing stands, carry none."""
 
 import itertools
-from collections.abc import Sequence
 from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from navigation.camera import DepthView, Pose
+from navigation.camera import Pose
 from navigation.point_cloud import Points
 
 Float = TypeVar("Float", np.float32, np.float64)
@@ -32,11 +31,6 @@ _STANDS_M = (0.35, 0.95)
 _BESIDE_CELLS, _SAME_SLAB_LAYERS = 8, 2
 _FEW = 3
 _UP_M = (RAILING_M / 2, RAILING_M)
-
-
-def misses_railings(views: Sequence[DepthView]) -> bool:
-    """Is this a sensor that leaves pixels invalid? Views as the cameras gave them or as `read_views` gives them."""
-    return any(bool(np.isnan(view.depth_m).any()) for view in views)
 
 
 def carriers(points: Points, pose: Pose) -> Points:

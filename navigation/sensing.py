@@ -62,7 +62,7 @@ def read_views(
     """The views of one moment as the rule above reads them: inf where nothing is up to the view's `reach_m`, nan where
     nobody knows. What lies beyond `sensor_range_m` counts as no return. `shown_m`: the reach that earlier moments have
     shown. The views given are not changed."""
-    if not any(bool(np.isnan(view.depth_m).any()) for view in views):
+    if not leaves_invalid(views):
         return [_within_range(view, sensor_range_m) for view in views]
     lines = lines_of([view.depth_m for view in views])  # of the whole pictures: specks lie along a line as well
     views = [_without_specks(view) for view in views]
@@ -72,6 +72,11 @@ def read_views(
         return cut
     reach_m = min(sensor_range_m, max(shown_m, shown_reach_m(views)))
     return [_opened(view, mask, min(reach_m, line.far)) for view, mask, line in zip(cut, opened, lines, strict=True)]
+
+
+def leaves_invalid(views: Sequence[DepthView]) -> bool:
+    """Is this a sensor that leaves pixels invalid? Views as the cameras gave them or as `read_views` gives them."""
+    return any(bool(np.isnan(view.depth_m).any()) for view in views)
 
 
 def shown_reach_m(views: Sequence[DepthView]) -> float:

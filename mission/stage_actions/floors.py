@@ -71,12 +71,12 @@ async def measure_stand_off(step: Step) -> Climb | BackOff:
 
 async def _facade_ahead(step: Step) -> tuple[Sight, float | None]:
     """Looked for again where there is none: of a real camera's frames now and then only a part arrives."""
-    sight = await step.look_ahead()
-    for _ in range(LOOKS_FOR_FACADE - 1):
-        if facade.stand_off_m(sight.seen, FACADE) is not None:
-            break
+    for _ in range(LOOKS_FOR_FACADE):
         sight = await step.look_ahead()
-    return sight, facade.stand_off_m(sight.seen, FACADE)
+        stand_off = facade.stand_off_m(sight.seen, FACADE)
+        if stand_off is not None:
+            break
+    return sight, stand_off
 
 
 async def count_band(step: Step, stage: CountBand) -> Climb | CountBand | CountBandFromNearer | TakeStand:

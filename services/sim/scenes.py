@@ -6,7 +6,7 @@ move. What is kept never changes, so episodes that share it stay isolated.
 
 import hashlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -66,6 +66,15 @@ def make_ready(scene: Scene, build: SceneBuilder) -> ReadyScene:
     return ReadyScene(scene_key(scene), scene, mesh, blueprint, _things(scene, mesh))
 
 
+def _on_ground(what: str, places: Sequence[Point2 | Point3], half: float) -> None:
+    farthest_m = max(max(abs(p.x), abs(p.y)) for p in places)
+    if farthest_m > half:
+        raise BadQuestion(
+            f"{what} reaches {farthest_m:g} m from the origin; the ground ends at {half:g} m (ground.half_size_m)",
+            code="bad_scene",
+        )
+
+
 def _check_furniture(scene: Scene, half: float) -> None:
     ground = scene.ground
     places: list[tuple[str, Point2 | Point3]] = [("poles", pole.position) for pole in ground.poles]
@@ -85,16 +94,12 @@ def check(scene: Scene) -> None:
     """What the document's own type can't see. Raises BadQuestion."""
     half = scene.ground.half_size_m
     windows = 0
+    for mover in scene.traffic:
+        _on_ground(f"the way of {mover.id}", mover.way, half)
     check_traffic(scene)
     _check_furniture(scene, half)
     for building in scene.buildings:
-        corner = max(max(abs(p.x), abs(p.y)) for p in building.footprint)
-        if corner > half:
-            raise BadQuestion(
-                f"building {building.id} reaches {corner:g} m from the origin; the ground ends at {half:g} m "
-                "(ground.half_size_m)",
-                code="bad_scene",
-            )
+        _on_ground(f"building {building.id}", building.footprint, half)
         windows += _windows_of(building)
     if windows > MAX_WINDOWS:
         raise BadQuestion(

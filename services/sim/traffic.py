@@ -43,16 +43,8 @@ class Traffic:
 
 
 def check_traffic(scene: Scene) -> None:
-    """Raises BadQuestion for a way that leaves the ground, or on foot or wheels leads into a building."""
-    half = scene.ground.half_size_m
+    """Raises BadQuestion for a way that on foot or wheels leads into a building."""
     for mover in scene.traffic:
-        farthest_m = max(max(abs(p.x), abs(p.y)) for p in mover.way)
-        if farthest_m > half:
-            raise BadQuestion(
-                f"the way of {mover.id} reaches {farthest_m:g} m from the origin; the ground ends at {half:g} m "
-                "(ground.half_size_m)",
-                code="bad_scene",
-            )
         if not isinstance(mover, Bird) and (building := _in_the_way(scene, mover)) is not None:
             raise BadQuestion(
                 f"the way of {mover.id} leads into building {building}; the ways of people and cars stay outside",
