@@ -10,6 +10,7 @@ from scripts.configuration import OTHER_VEHICLES, SERVICES, page
 from service_kit.connections import TOKEN_VARIABLES, Connections
 from service_kit.settings import Variable
 from services.vlm_gateway.settings import CacheSettings
+from tests.sources import tree_of_source
 
 ROOT = Path(__file__).parent.parent
 OURS = (
@@ -39,7 +40,7 @@ def test_the_documentation_is_what_the_classes_say() -> None:
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_one_module_alone_reads_the_environment(path: Path) -> None:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = tree_of_source(path.read_text(encoding="utf-8"))
     used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "os"}
     used |= {a.name for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module == "os" for a in n.names}
     reads = used & {"environ", "environb", "getenv", "getenvb", "putenv"}

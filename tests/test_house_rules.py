@@ -20,6 +20,7 @@ from navigation.explorer.parameters import ExplorerParameters
 from navigation.floor_localization import FloorLocalizationParameters
 from navigation.safe_distance import SafeDistanceParameters
 from navigation.viewpoint import ViewpointParameters
+from tests.sources import tree_of_source
 
 ROOT = Path(__file__).parent.parent
 ALLOWED: dict[str, set[str]] = {
@@ -105,7 +106,7 @@ def is_ours(name: str) -> bool:
 
 
 def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+    return tree_of_source(path.read_text(encoding="utf-8"), str(path))
 
 
 def reached(graph: Mapping[str, set[str]], start: str) -> set[str]:
@@ -191,7 +192,7 @@ def test_libraries_neither_print_nor_exit(path: Path) -> None:
     source = path.read_text(encoding="utf-8")
     if path.name == "__main__.py" or '__name__ == "__main__"' in source:
         return  # a command may
-    calls = {ast.unparse(node.func) for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)}
+    calls = {ast.unparse(node.func) for node in ast.walk(tree_of_source(source)) if isinstance(node, ast.Call)}
     assert not calls & {"print", "exit", "quit", "sys.exit", "os._exit"}
 
 

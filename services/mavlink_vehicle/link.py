@@ -167,8 +167,14 @@ class Link:
         """One call of MAVSDK, which goes on to its end where whoever waits is cancelled."""
         future = asyncio.ensure_future(call)
         self._calls.add(future)
-        future.add_done_callback(self._calls.discard)
+        future.add_done_callback(self._ended)
         return await asyncio.shield(future)
+
+    def _ended(self, call: asyncio.Future[Any]) -> None:
+        """What it failed of is told here too: whoever waited may be gone, and asyncio would log it as an error."""
+        self._calls.discard(call)
+        if not call.cancelled() and (failed := call.exception()) is not None:
+            log.debug("a call of MAVSDK ended with: %s", failed)
 
     async def _set_mode(self, number: int) -> None:
         if self._direct is None:

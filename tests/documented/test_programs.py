@@ -12,6 +12,7 @@ from typing import NamedTuple
 import pytest
 
 from contracts.scene import Scene
+from tests.sources import tree_of_source
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = sorted({*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")})
@@ -50,7 +51,7 @@ def test_a_block_is_what_it_says_it_is(block: Block) -> None:
     elif block.language == "toml":
         tomllib.loads(block.text)
     else:
-        for module, names in imported(ast.parse(block.text)):
+        for module, names in imported(tree_of_source(block.text)):
             if module.split(".")[0] in ELSEWHERE:
                 continue
             there = importlib.import_module(module)

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 import logisticsvln
+from tests.sources import tree_of_source
 
 SOURCE = Path(logisticsvln.__file__)
 
 
 def names_for_type_checkers() -> dict[str, str]:
     """The names under `if TYPE_CHECKING`, and the module that each is said to come from."""
-    tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
+    tree = tree_of_source(SOURCE.read_text(encoding="utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If))
     return {a.name: str(n.module) for n in block.body if isinstance(n, ast.ImportFrom) for a in n.names}
 
