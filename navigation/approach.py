@@ -88,7 +88,7 @@ def plan_approach(
     shown = points
     if leaves_invalid(views):
         points = np.concatenate([points, railings_on(carriers(points, pose))])
-    stop = stop_place(found, points, pose, settings)
+    stop = stop_place(found, shown, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)
     free = free_along(points, start, stop, settings)
@@ -110,12 +110,12 @@ def plan_approach(
     return Approach("blocked", found, stop, (), False, free, _cut(aside, max_leg_m)[0] if aside else ())
 
 
-def stop_place(target: Target, points: Points, pose: Pose, settings: ApproachParameters) -> Place:
+def stop_place(target: Target, shown: Points, points: Points, pose: Pose, settings: ApproachParameters) -> Place:
     """Where the drone stops: in front of the thing along the facade's normal, clear of what juts out beside it; in an
     inner corner as far aside as keeps it nearer to the thing's own wall than to the other, on the wall between two
     openings a little towards the nearer one.
 
-    points: (N, 3) ENU.
+    shown: (N, 3) ENU, what depth shows of the facade; points: (M, 3) ENU, what to keep clear of, which may be more.
     """
     room = settings.drone_radius_m + settings.clearance_m
     z = min(max(pose.z, target.place.z - settings.height_slack_m), target.place.z + settings.height_slack_m)
@@ -123,10 +123,10 @@ def stop_place(target: Target, points: Points, pose: Pose, settings: ApproachPar
     def room_m(thing: Target) -> float:
         return targets.protrusion_m(points, thing, room, settings.max_protrusion_m) + room + 0.05
 
-    aside = corners.stop_beside_corner(target, points, z, settings.stop_distance_m, room_m, settings.corner)
+    aside = corners.stop_beside_corner(target, shown, z, settings.stop_distance_m, room_m, settings.corner)
     if aside is not None:
         return aside
-    before = openings.stop_towards_opening(target, points, pose, settings.opening)
+    before = openings.stop_towards_opening(target, shown, pose, settings.opening)
     out = max(settings.stop_distance_m, room_m(target._replace(place=before._replace(z=z))))
     return Place(before.x + target.normal[0] * out, before.y + target.normal[1] * out, z)
 

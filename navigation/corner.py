@@ -24,7 +24,8 @@ class CornerParameters(NamedTuple):
     `band_m`: heights above the thing in which walls are looked for, above a railing and below the next storey's slab.
     `reach_m`: a wall farther aside does not matter. `begins_m` and `ends_m`: the stretch, out from the thing, in which
     a wall that runs out of the facade is looked for: reveals end before it. `cell_m`: of that stretch; a wall fills
-    `least_cells` within `thickness_m`. `deepest_m`: a thing stands no farther in front of its own wall, `half_width_m`
+    `least_cells` within `thickness_m`, each of them in `least_layers` of the band's layers, `layer_m` high: eaves, a
+    porch's roof and the balcony above run out of a facade too, but are not upright. `deepest_m`: a thing stands no farther in front of its own wall, `half_width_m`
     is how far to either side of the thing that is measured. `nearer_m`: by so much a wall has to be nearer to count as
     the nearer one. `farthest_m`: from the facade's place behind the thing to the stop, at most. `slide_step_m`: between
     tried stops.
@@ -37,6 +38,8 @@ class CornerParameters(NamedTuple):
     cell_m: float = 0.25
     least_cells: int = 4
     thickness_m: float = 0.2
+    layer_m: float = 0.2
+    least_layers: int = 3
     deepest_m: float = 1.8
     half_width_m: float = 1.0
     nearer_m: float = 0.3
@@ -63,7 +66,8 @@ def walls_round(points: Points, target: Target, settings: CornerParameters) -> W
     left = gap[:, 0] * np.float32(north) - gap[:, 1] * np.float32(east)
     back = out[(np.abs(left) < settings.half_width_m) & (out < 0.1) & (out > -settings.deepest_m)]
     behind = max(0.0, -float(np.percentile(back, 10.0))) if len(back) >= settings.least_cells else None
-    return Walls(behind, _running_out(out, left, settings), _running_out(out, -left, settings))
+    up = gap[:, 2] - np.float32(low)
+    return Walls(behind, _running_out(out, left, up, settings), _running_out(out, -left, up, settings))
 
 
 def at_nearest_wall(target: Target, points: Points, settings: CornerParameters) -> Target:
@@ -113,13 +117,19 @@ def stop_beside_corner(
     return None
 
 
-def _running_out(out: NDArray[np.float32], aside: NDArray[np.float32], settings: CornerParameters) -> float | None:
-    """How far aside the nearest wall runs out of the facade: the least distance at which returns fill enough cells."""
+def _running_out(
+    out: NDArray[np.float32], aside: NDArray[np.float32], up: NDArray[np.float32], settings: CornerParameters
+) -> float | None:
+    """How far aside the nearest wall runs out of the facade: the least distance at which returns fill enough cells from
+    low to high. `up`: above the band's lower edge."""
     here = (out > settings.begins_m) & (out < settings.ends_m) & (aside > 0.3) & (aside < settings.reach_m)
+    layers = math.ceil((settings.band_m[1] - settings.band_m[0]) / settings.layer_m - 1e-6)
     cells = ((out[here] - settings.begins_m) / settings.cell_m).astype(np.intp)
+    boxes = cells * layers + np.minimum((up[here] / settings.layer_m).astype(np.intp), layers - 1)
     aside = aside[here]
     for start in np.arange(0.3, settings.reach_m, settings.thickness_m / 2).tolist():
         within = (aside >= start) & (aside < start + settings.thickness_m)
-        if len(np.unique(cells[within])) >= settings.least_cells:
+        upright = np.bincount(np.unique(boxes[within]) // layers) >= settings.least_layers
+        if upright.sum() >= settings.least_cells:
             return float(np.median(aside[within]))
     return None
