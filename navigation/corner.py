@@ -21,14 +21,14 @@ from navigation.target import Target
 class CornerParameters(NamedTuple):
     """How walls beside a thing are told from depth, and what is done about them.
 
-    `band_m`: heights above the thing in which walls are looked for, above a railing and below the next storey's slab.
-    `reach_m`: a wall farther aside does not matter. `begins_m` and `ends_m`: the stretch, out from the thing, in which
-    a wall that runs out of the facade is looked for: reveals end before it. `cell_m`: of that stretch; a wall fills
-    `least_cells` within `thickness_m`, each of them in `least_layers` of the band's layers, `layer_m` high: eaves, a
-    porch's roof and the balcony above run out of a facade too, but are not upright. `deepest_m`: a thing stands no farther in front of its own wall, `half_width_m`
-    is how far to either side of the thing that is measured. `nearer_m`: by so much a wall has to be nearer to count as
-    the nearer one. `farthest_m`: from the facade's place behind the thing to the stop, at most. `slide_step_m`: between
-    tried stops.
+    `band_m`: heights above the thing in which walls are looked for, above a railing and below the next storey's
+    slab. `reach_m`: a wall farther aside does not matter. `begins_m` and `ends_m`: the stretch, out from the thing,
+    in which a wall that runs out of the facade is looked for: reveals end before it. `cell_m`: of that stretch; a
+    wall fills `least_cells` within `thickness_m`, each of them in `least_layers` of the band's layers, `layer_m`
+    high: eaves, a porch's roof and the balcony above run out of a facade too, but are not upright. `deepest_m`: a
+    thing stands no farther in front of its own wall, `half_width_m` is how far to either side of the thing that is
+    measured. `nearer_m`: by so much a wall has to be nearer to count as the nearer one. `farthest_m`: from the
+    facade's place behind the thing to the stop, at most. `slide_step_m`: between tried stops.
     """
 
     band_m: tuple[float, float] = (0.8, 1.6)

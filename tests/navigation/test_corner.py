@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from navigation.approach import Approach, plan_approach
+from navigation.approach import Approach, plan_approach, stop_place
 from navigation.camera import Place, Pose, pinhole
 from navigation.corner import CornerParameters, Walls, at_nearest_wall, stop_beside_corner, walls_round
 from navigation.point_cloud import Points
@@ -112,6 +112,38 @@ def test_railings_and_reveals_and_posts_are_no_walls_across() -> None:
     post = Prism(rectangle(-2.0, -2.5, 0.2, 0.2), 0.0, 20.0)
     assert walls_round(_cloud(WALL, *BALCONY, reveal, post), TARGET, CORNER)[1:] == (None, None)
     assert walls_round(np.empty((0, 3), np.float32), TARGET, CORNER) == Walls(None, None, None)
+
+
+EAVES = Prism(rectangle(-1.5, -1.3, 2.0, 2.6), 9.3, 9.5)
+BALCONY_ABOVE = Prism(rectangle(-1.3, -0.7, 1.6, 1.4), 9.0, 9.2)
+PORCH = (
+    Prism(rectangle(-1.5, -0.75, 1.8, 1.5), 8.9, 9.3),
+    Prism(rectangle(-0.7, -1.4, 0.2, 0.2), 6.0, 8.9),
+    Prism(rectangle(-2.3, -1.4, 0.2, 0.2), 6.0, 8.9),
+)
+
+
+@pytest.mark.parametrize("over", [(EAVES,), (BALCONY_ABOVE,), PORCH], ids=["eaves", "balcony above", "porch"])
+def test_what_runs_out_of_a_facade_overhead_is_no_wall_across(over: tuple[Prism, ...]) -> None:
+    assert walls_round(_cloud(WALL, *over), TARGET, CORNER)[1:] == (None, None)
+    poster = Prism(rectangle(0.0, -0.04, 0.6, 0.08), 7.6, 8.4)
+    pose = Pose(0.5, -6.0, 8.2, NORTH)
+    views = World([WALL, poster, *over], ground=True).views(pose, CAMERA)
+    box = Box(0.5 + (-0.3 - pose.x) / 6.0 / 2, 0.48, 0.5 + (0.3 - pose.x) / 6.0 / 2, 0.55)
+    found = plan_approach(views[0], [views[h] for h in HEADINGS if h != 0], box, pose, usual.APPROACH, 40.0)
+    assert found.stop is not None
+    assert found.stop.x == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_railing_that_depth_may_have_missed_is_kept_clear_of_and_is_no_wall_across() -> None:
+    shown, missed = _cloud(WALL, *BALCONY), _cloud(_across(-1.75))
+    both = np.concatenate([shown, missed])
+    pose = Pose(0.0, -4.0, 8.0, NORTH)
+    assert stop_place(TARGET, shown, both, pose, usual.APPROACH).x == pytest.approx(0.0)
+    assert stop_place(TARGET, both, both, pose, usual.APPROACH).x > 0.5
+    before = _cloud(Prism(rectangle(0.0, -2.1, 2.0, 0.1), 7.5, 8.5))
+    kept_off = stop_place(TARGET, shown, np.concatenate([shown, before]), pose, usual.APPROACH)
+    assert kept_off.y < stop_place(TARGET, shown, shown, pose, usual.APPROACH).y - 0.5
 
 
 @pytest.mark.parametrize(("normal", "facing"), [((1.0, 0.0), math.pi), ((-1.0, 0.0), 0.0)])
