@@ -3,7 +3,7 @@
 Three different things can go wrong and are never mixed: the model says no (`answered`, with `found` false or a null
 box), its answer can't be read (`unreadable`, or `refused` where it declined), or it can't be reached (an error with
 code `model_unreachable`, `model_timeout`, `model_overloaded` or `model_rejected`, or `not_recorded` in replay mode; no
-answer at all).
+answer at all). That the oracle's simulator does not answer is a service's error, `unavailable`.
 """
 
 from typing import Literal

@@ -1,7 +1,8 @@
 """The truth, asked of the simulator: for upper bounds, and for telling faults of flying from faults of seeing.
 
 It looks at no picture; it needs the name of the simulator's vehicle that took them. Never cached: the drone moves
-between two identical questions.
+between two identical questions. A simulator that does not answer is a service that is unavailable, not a model that
+failed: who asks waits for it as for any other service.
 """
 
 import math
@@ -14,8 +15,8 @@ from contracts.geometry import Point3, Pose
 from contracts.sim import Truth, TruthQuestion, TruthView
 from contracts.vehicle import VehicleState
 from contracts.vlm_gateway import ORACLE_VEHICLE_HEADER, MarkedPoint, Match
-from service_kit.client import CallError, Refused, ServiceClient, TimedOut
-from service_kit.errors import BadQuestion
+from service_kit.client import Garbled, Refused, ServiceClient, Unreachable
+from service_kit.errors import BadQuestion, Unavailable
 from services.vlm_gateway.backends.base import (
     Building,
     BuildingAsk,
@@ -30,7 +31,7 @@ from services.vlm_gateway.backends.base import (
     asked_vehicle,
 )
 from services.vlm_gateway.backends.noise import Count, Faults
-from services.vlm_gateway.errors import ModelTimeout, ModelUnreachable
+from services.vlm_gateway.errors import ModelUnreachable
 from services.vlm_gateway.model_configs import OracleModelConfig
 
 A = TypeVar("A", bound=BaseModel)
@@ -144,10 +145,12 @@ class OracleBackend:
             if error.status == 404:
                 message = f"the simulator has no such episode, or its truth is switched off: {error.reason}"
                 raise BadQuestion(message, code="no_truth") from None
+            if error.status == 429 or error.status >= 500:
+                raise Unavailable(f"the oracle's simulator: {error.message}") from None
             raise ModelUnreachable(f"the simulator answers {error.status}: {error.reason}") from None
-        except TimedOut as error:
-            raise ModelTimeout(f"the oracle's simulator: {error.message}") from None
-        except CallError as error:
+        except Unreachable as error:
+            raise Unavailable(f"the oracle's simulator: {error.message}") from None
+        except Garbled as error:
             raise ModelUnreachable(f"the oracle's simulator: {error.message}") from None
 
 

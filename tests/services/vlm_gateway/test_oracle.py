@@ -11,10 +11,9 @@ from contracts.cameras import pinhole_camera
 from contracts.geometry import Pose
 from contracts.vlm_gateway import MarkedPoint
 from service_kit.client import ServiceClient
-from service_kit.errors import BadQuestion
+from service_kit.errors import BadQuestion, Unavailable
 from services.vlm_gateway.backends.base import AskedView, BuildingAsk, DirectionAsk, FloorsAsk, ObjectAsk, asked_vehicle
 from services.vlm_gateway.backends.oracle import OracleBackend, end_of, sharp
-from services.vlm_gateway.errors import ModelUnreachable
 from services.vlm_gateway.model_configs import OracleModelConfig
 from tests.cameras import square
 from tests.conftest import Serve
@@ -135,11 +134,11 @@ async def test_without_a_vehicle_or_with_an_unknown_one_the_question_is_at_fault
         await oracle.count_floors(FloorsAsk(picture(), FRONT))
 
 
-async def test_a_simulator_that_is_not_there_is_unreachable() -> None:
+async def test_a_simulator_that_is_not_there_is_a_service_that_is_unavailable_and_no_model_s_failure() -> None:
     backend = OracleBackend(
         ServiceClient("sim", f"http://127.0.0.1:{closed_port()}"), OracleModelConfig(backend="oracle")
     )
-    with pytest.raises(ModelUnreachable):
+    with pytest.raises(Unavailable, match=r"the oracle's simulator: can't reach"):
         await backend.count_floors(FloorsAsk(picture(), FRONT))
     await backend.close()
 
