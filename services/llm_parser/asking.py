@@ -1,6 +1,7 @@
 """The answer put together, with the question to the customer where something is missing: one sentence, answered in a
 word or two."""
 
+from collections.abc import Sequence
 from typing import Generic, NamedTuple, TypeVar
 
 from contracts.llm_parser import Candidates, Confidence, Evidence, ParseAnswer, Reason, Reasons, Relation
@@ -67,21 +68,21 @@ def question_for(reasons: Reasons, candidates: Candidates, relation: Relation | 
 
 
 def _floor_question(floors: tuple[int, ...]) -> str:
-    if len(floors) >= 2:
-        *first, last = (ordinal(f) for f in floors)
-        return f"Is the window on the {', '.join(first)} or the {last} floor (the one at street level is the 1st)?"
-    if floors:
-        return f"Is the window on the {ordinal(floors[0])} floor (the one at street level is the 1st)?"
-    return "Which floor is the window on?"
+    if not floors:
+        return "Which floor is the window on?"
+    return f"Is the window on {_either([ordinal(f) for f in floors])} floor (the one at street level is the 1st)?"
 
 
 def _object_question(objects: tuple[str, ...], relation: Relation | None) -> str:
     if relation is not None:
         where = {"left": "left of", "right": "right of", "above": "above", "below": "below"}[relation.side]
         return f"Your window is {where} the one with the {relation.to}: what can be seen at your own window?"
-    if len(objects) >= 2:
-        *first, last = objects
-        return f"Is your window the one with the {', the '.join(first)} or the {last}?"
-    if objects:
-        return f"Is your window the one with the {objects[0]}?"
-    return "What can be seen at your window from outside?"
+    if not objects:
+        return "What can be seen at your window from outside?"
+    return f"Is your window the one with {_either(objects)}?"
+
+
+def _either(candidates: Sequence[str]) -> str:
+    """ "the 3rd, the 4th or the 5th"."""
+    *first, last = (f"the {candidate}" for candidate in candidates)
+    return f"{', '.join(first)} or {last}" if first else last

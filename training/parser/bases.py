@@ -14,8 +14,8 @@ from tokenizers import Tokenizer
 from torch import Tensor, nn
 
 from services.llm_parser.reader.model import MOST_TOKENS
-from services.llm_parser.reader.words import Words
 from training.parser.net import FIRST_POSITION, Encoder, Layer, Size
+from training.parser.rounding import rounded
 
 WEIGHTS, TOKENIZER = "model.safetensors", "tokenizer.json"
 
@@ -90,7 +90,7 @@ def encoder_of(base: Base, home: Path) -> Encoder:
         words = words[_rows(tokenizer_of(home), Tokenizer.from_file(str(home / base.name / TOKENIZER)))]
     inner = len(weights["encoder.layer.0.intermediate.dense.bias"])
     encoder = Encoder(Size(len(words), words.shape[1], inner, mpnet, 1e-5 if mpnet else 1e-12))
-    encoder.word.weight.data.copy_(torch.from_numpy(Words.rounded(words.numpy()).all()))
+    encoder.word.weight.data.copy_(torch.from_numpy(rounded(words.numpy()).all()))
     places = weights["embeddings.position_embeddings.weight"]
     if encoder.relative is not None:
         places = places[FIRST_POSITION:]

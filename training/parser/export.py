@@ -15,9 +15,9 @@ import zstandard
 from onnxruntime.quantization import QuantType, quantize_dynamic
 from torch import Tensor, nn
 
-from services.llm_parser.reader.words import Words
 from training.parser.bases import MPNET, TOKENIZER
 from training.parser.net import Layer, Reader
+from training.parser.rounding import rounded
 
 STEPS = 31
 """A layer's weights take so many steps to either side of 0, an output's by its largest: held in eight bits, they are
@@ -102,6 +102,6 @@ def export(nets: Sequence[Reader], shares: Sequence[float], home: Path, out: Pat
             op_types_to_quantize=["MatMul"],
         )
         (out / "reader.onnx.zst").write_bytes(zstandard.compress(small.read_bytes(), 12))
-    Words.rounded(words).save(out / "words.npz")
+    rounded(words).save(out / "words.npz")
     shutil.copy(home / MPNET.name / TOKENIZER, out / "tokenizer.json")
     (out / "about.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")

@@ -28,12 +28,13 @@ _COLOUR_BEHIND = re.compile(
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
 _ARTICLE_BEFORE = re.compile(r"\b(?:a|an|one|\d+)\s+$", re.IGNORECASE)
-_NOUN_BEHIND = re.compile(r"\s+(?!(?:one|kind|type|sort|model|version|variety|colou?r)\b)([^\W\d_]+)", re.IGNORECASE)
+_NO_NOUNS = "ones?|kind|type|sort|model|version|variety|colou?r|they|it|he|she|we|you|i"
+_NOUN_BEHIND = re.compile(rf"\s+(?!(?:{_NO_NOUNS})\b)([^\W\d_]+)", re.IGNORECASE)
 _FLOOR_WORDS = re.compile(
     r"(?:[\s,;:.()-]|\b(?:and|on|at|in|the|is|it'?s|our|my|floor|flr|fl|level|lvl|storey|story|no|number)\b)*$",
     re.IGNORECASE,
 )
-_LEADING = re.compile(r"^(?:a|an|the|my|our|your|some|one|this|that|his|her|its)\b[\s,]*", re.IGNORECASE)
+_LEADING = re.compile(r"^(?:(?:a|an|the|my|our|your|some|one|this|that|his|her|its)\b[\s,]*)+", re.IGNORECASE)
 
 
 class Scores(NamedTuple):
@@ -54,6 +55,11 @@ class Tokens(NamedTuple):
 
     text: str
     offsets: Sequence[tuple[int, int]]
+
+    def span(self, at: int, width: int) -> tuple[int, int]:
+        """The characters of entry `at` of a flattened table (T, `width`): from a token over so many further ones."""
+        first, more = divmod(at, width)
+        return self.offsets[first][0], self.offsets[min(first + more, len(self.offsets) - 1)][1]
 
 
 class FloorGuess(NamedTuple):
@@ -110,20 +116,16 @@ def floors(scores: Scores, readings: Sequence[Reading], mentions: Sequence[Menti
 def objects(scores: Scores, tokens: Tokens, floor: FloorGuess) -> list[ObjectGuess]:
     """Most probable first, each with what is said of it elsewhere in the request. A span that reaches over the words
     that the `floor` is read from ends before them."""
-    flat = np.concatenate((scores.whole[1:2], scores.objects.reshape(-1)))
-    share = _softmax(flat)
-    width = scores.objects.shape[1]
+    share = _softmax(np.concatenate((scores.whole[1:2], scores.objects.reshape(-1))))
     top = np.argsort(-share[1:])[:MOST_SPANS]
     spans: list[tuple[float, int, int, frozenset[str]]] = []
     for at in top:
-        first, more = divmod(int(at), width)
         p = float(share[1 + at])
         if p < 1e-4:
             break
-        start, end = tokens.offsets[first][0], tokens.offsets[min(first + more, len(tokens.offsets) - 1)][1]
-        start, end = _beside_floor(tokens.text, start, end, floor)
+        start, end = _beside_floor(tokens.text, *tokens.span(int(at), scores.objects.shape[1]), floor)
         words = content(tokens.text[start:end])
-        if words and end > start and _whole_words(tokens.text, start, end):
+        if words and (start, end) == _widened(tokens.text, start, end):
             spans.append((p, start, end, words))
     guesses = [ObjectGuess(None, float(share[0]))]
     while spans:
@@ -139,12 +141,10 @@ def objects(scores: Scores, tokens: Tokens, floor: FloorGuess) -> list[ObjectGue
 
 def relation(scores: Scores, tokens: Tokens) -> RelationGuess | None:
     """Null where the request describes no window by another one."""
-    flat = np.concatenate((scores.whole[2:3], scores.anchors.reshape(-1)))
-    share = _softmax(flat)
+    share = _softmax(np.concatenate((scores.whole[2:3], scores.anchors.reshape(-1))))
     if share[0] >= 0.5:
         return None
-    first, more = divmod(int(np.argmax(share[1:])), scores.anchors.shape[1])
-    start, end = tokens.offsets[first][0], tokens.offsets[min(first + more, len(tokens.offsets) - 1)][1]
+    start, end = tokens.span(int(np.argmax(share[1:])), scores.anchors.shape[1])
     sides, counts = scores.whole[3 : 3 + len(SIDES)], scores.whole[3 + len(SIDES) :]
     anchor = _clean(tokens.text[start:end])
     return RelationGuess(anchor, SIDES[int(np.argmax(sides))], 1 + int(np.argmax(counts)), 1.0 - float(share[0]))
@@ -194,7 +194,7 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
         else:
             groups.append((s, e))
     groups = [group for group in groups if not _of_another_thing(tokens.text, *group, known)]
-    added = [_clean(_widened(tokens.text, *group)) for group in groups]
+    added = [_clean(tokens.text[slice(*_widened(tokens.text, *group))]) for group in groups]
     added = [a for a in added if content(a) - known]
     if not any(content(said) & COLOURS for said in (main, *added)):
         added += _colour_elsewhere(tokens, start, end, tags)
@@ -205,40 +205,40 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
 
 def _of_another_thing(text: str, start: int, end: int, known: frozenset[str]) -> bool:
     """Stand the words before a noun that is not the object's, as in "the payload is a model locomotive"?"""
+    return _before_another_noun(text, end, known) and bool(_ARTICLE_BEFORE.search(text[:start]))
+
+
+def _before_another_noun(text: str, end: int, known: frozenset[str]) -> bool:
     noun = _NOUN_BEHIND.match(text, end)
-    return bool(noun and content(noun[1]) - known and _ARTICLE_BEFORE.search(text[:start]))
+    return bool(noun and content(noun[1]) - known - COLOURS)
 
 
 def _colour_elsewhere(tokens: Tokens, start: int, end: int, tags: Floats) -> list[str]:
-    """The colour outside of the span that is likeliest to be the object's; none where none is likely to be."""
+    """The colour outside of the span that is likeliest to be the object's; none where none is likely to be, or where it
+    stands before another thing: "gold trophy" is no gold ribbon."""
+    known = content(tokens.text[start:end])
     elsewhere = [
         (float(tag), word)
         for (s, e), tag in zip(tokens.offsets, tags, strict=True)
         if tag > TAGGED_COLOUR and s < e and (e <= start or s >= end)
-        if (word := _widened(tokens.text, s, e).lower()) in COLOURS
+        if (word := tokens.text[slice(*_widened(tokens.text, s, e))].lower()) in COLOURS
+        and not _before_another_noun(tokens.text, e, known)
     ]
     return [max(elsewhere)[1]] if elsewhere else []
 
 
-def _widened(text: str, start: int, end: int) -> str:
+def _widened(text: str, start: int, end: int) -> tuple[int, int]:
+    """The span, and the rest of the words that it begins or ends within."""
     while start > 0 and text[start - 1].isalnum() and text[start].isalnum():
         start -= 1
     while end < len(text) and text[end].isalnum() and text[end - 1].isalnum():
         end += 1
-    return text[start:end]
+    return start, end
 
 
 def _clean(text: str) -> str:
     said = re.sub(r"\s+", " ", text.lower().replace("w/", "with ")).strip(" .,;:!?()[]\"'“”‘’-–—*#/|=>")
-    while (shorter := _LEADING.sub("", said)) != said:
-        said = shorter
-    return said
-
-
-def _whole_words(text: str, start: int, end: int) -> bool:
-    before = start > 0 and text[start - 1].isalnum() and text[start].isalnum()
-    after = end < len(text) and text[end].isalnum() and text[end - 1].isalnum()
-    return not before and not after
+    return _LEADING.sub("", said)
 
 
 def _softmax(values: Floats) -> Floats:

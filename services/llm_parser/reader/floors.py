@@ -3,14 +3,33 @@
 The network scores readings; here it is only worked out what each would mean.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import permutations
 from typing import NamedTuple
 
 from services.llm_parser.reader.mentions import HIGHEST_FLOOR, Mention
 
-ONE_OPERATIONS = ("itself", "plus_1", "minus_1", "plus_2", "minus_2", "plus_3", "hundreds")
-PAIR_OPERATIONS = ("add", "subtract", "from_top", "add_1", "times", "subtract_1")
-"""`from_top`: the b-th of a floors from the top; `add_1`, `subtract_1`: one more, one less than sum, difference."""
+_ONE: Mapping[str, Callable[[int], int]] = {
+    "itself": lambda a: a,
+    "plus_1": lambda a: a + 1,
+    "minus_1": lambda a: a - 1,
+    "plus_2": lambda a: a + 2,
+    "minus_2": lambda a: a - 2,
+    "plus_3": lambda a: a + 3,
+    "hundreds": lambda a: a // 100,
+}
+_PAIR: Mapping[str, Callable[[int, int], int]] = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "from_top": lambda a, b: a - b + 1,
+    "add_1": lambda a, b: a + b + 1,
+    "times": lambda a, b: a * b,
+    "subtract_1": lambda a, b: a - b - 1,
+}
+ONE_OPERATIONS, PAIR_OPERATIONS = tuple(_ONE), tuple(_PAIR)
+"""Of one mention and of two, as the network's outputs stand. `from_top`: the b-th of a floors from the top; `add_1`,
+`subtract_1`: one more, one less than sum, difference."""
+_COMMUTE = frozenset(["add", "times", "add_1"])
 
 MOST_PAIRED = 10
 
@@ -29,45 +48,15 @@ def readings(mentions: Sequence[Mention]) -> list[Reading]:
     """All that come to a floor from 1 to `HIGHEST_FLOOR`."""
     found: list[Reading] = []
     for at, mention in enumerate(mentions):
-        if mention.kind == "top":
-            continue
-        for operation, name in enumerate(ONE_OPERATIONS):
-            floor = _one(name, mention.value)
-            if floor is not None and 1 <= floor <= HIGHEST_FLOOR:
-                found.append(Reading(floor, operation, at))
-    paired = [at for at, m in enumerate(mentions) if m.kind not in ("top", "sound") and m.value <= HIGHEST_FLOOR][
-        :MOST_PAIRED
-    ]
-    for first in paired:
-        for second in paired:
-            if first == second or mentions[first].kind == "one":
-                continue
-            for operation, name in enumerate(PAIR_OPERATIONS):
-                if name in ("add", "times", "add_1") and second < first and mentions[second].kind != "one":
-                    continue  # it commutes
-                floor = _pair(name, mentions[first].value, mentions[second].value)
-                if 1 <= floor <= HIGHEST_FLOOR:
-                    found.append(Reading(floor, operation, first, second))
-    return found
-
-
-def _one(name: str, value: int) -> int | None:
-    if name == "hundreds":
-        return value // 100 if value >= 100 else None
-    return value + {"itself": 0, "plus_1": 1, "minus_1": -1, "plus_2": 2, "minus_2": -2, "plus_3": 3}[name]
-
-
-def _pair(name: str, a: int, b: int) -> int:
-    match name:
-        case "add":
-            return a + b
-        case "subtract":
-            return a - b
-        case "from_top":
-            return a - b + 1
-        case "add_1":
-            return a + b + 1
-        case "times":
-            return a * b
-        case _:
-            return a - b - 1
+        if mention.kind != "top":
+            found += [Reading(one(mention.value), n, at) for n, one in enumerate(_ONE.values())]
+    paired = [at for at, m in enumerate(mentions) if m.kind not in ("top", "sound") and m.value <= HIGHEST_FLOOR]
+    for first, second in permutations(paired[:MOST_PAIRED], 2):
+        a, b = mentions[first], mentions[second]
+        if a.kind != "one":
+            found += [
+                Reading(pair(a.value, b.value), n, first, second)
+                for n, (name, pair) in enumerate(_PAIR.items())
+                if first < second or b.kind == "one" or name not in _COMMUTE
+            ]
+    return [reading for reading in found if 1 <= reading.floor <= HIGHEST_FLOOR]

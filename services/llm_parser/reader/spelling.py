@@ -18,20 +18,10 @@ from services.llm_parser.reader.mentions import ORDINALS, find_mentions, number_
 
 _WORD = re.compile(r"(?<![\w@/#.'’-])[A-Za-z]{4,}(?![\w'’-])")
 _FLOOR = re.compile(r"\s*(?:floor|flor|flr|fl\b|level|lvl|storey|story|stry)", re.IGNORECASE)
-_DIGITS = re.compile(rf"(?<![\w.,:/-])(\d{{1,2}})( ?[A-Za-z]{{2}})(?={_FLOOR.pattern})", re.IGNORECASE)
-_WORDS = frozenset(["at", "it", "an", "in", "on", "of", "to", "up", "my", "is", "or", "st", "nd", "rd", "th"])
 _BEGINS = re.compile(r"(?:^|[.!?:;\n(\"*])\W*$")
 _SOUNDS = (
-    ("ph", "f"),
-    ("ck", "k"),
-    ("wh", "w"),
-    ("qu", "kw"),
-    ("sh", "s"),
-    ("c", "k"),
-    ("y", "i"),
-    ("ea", "e"),
-    ("ie", "i"),
-)
+    ("ph", "f"), ("ck", "k"), ("wh", "w"), ("qu", "kw"), ("sh", "s"), ("c", "k"), ("y", "i"), ("ea", "e"), ("ie", "i"),
+)  # fmt: skip
 MOST_CHARACTERS = 2000
 """So many of a request are mended."""
 SURE = 2
@@ -72,8 +62,6 @@ class Spelling:
     def mended(self, text: str) -> Mended:
         """The request with its misspelt words mended."""
         read = Mended(text, range(len(text)))
-        for slip in reversed(list(_endings(text))):
-            read = _replaced(read, slip)
         for strictly in (False, True):
             slips = list(self._slips(read.text, strictly))
             if not strictly and sum(slip.sure for slip in slips) < SURE:
@@ -142,15 +130,6 @@ def _nth(word: str) -> str | None:
     """The ordinal that a word in front of "floor" is at most two slips of, where no other is as near."""
     near = extract(word, tuple(ORDINALS), scorer=OSA.distance, score_cutoff=2, limit=2)
     return near[0][0] if near and (len(near) == 1 or near[0][1] < near[1][1]) else None
-
-
-def _endings(text: str) -> Iterator[_Slip]:
-    """Ordinals in digits in front of "floor" whose ending is a slip: "6yh floor" is "6th floor"."""
-    for found in _DIGITS.finditer(text):
-        number, ending = int(found[1]), found[2].strip().lower()
-        right = {1: "st", 2: "nd", 3: "rd"}.get(number % 10 if number not in (11, 12, 13) else 0, "th")
-        if ending not in _WORDS and any(OSA.distance(ending, e) <= 1 for e in ("st", "nd", "rd", "th")):
-            yield _Slip(found.start(), found.end(), f"{number}{right}", True)
 
 
 def _surely(word: str, meant: str) -> bool:

@@ -19,6 +19,7 @@ def values(text: str) -> list[int]:
         ("the fourth", [4]),
         ("FLOOR.....07", [7]),
         ("F:11", [11]),
+        ("6yh floor, 10tb flor", [6, 10]),
         ("the sevnth flor", [7]),
         ("the fiveth floor", [5]),
         ("#thirdfloor", [3]),

@@ -16,9 +16,9 @@ from contracts.llm_parser import ParseQuestion
 from services.llm_parser.reader.decode import Tokens
 from services.llm_parser.reader.model import SPELLING, About, Encoded, ReaderModel, Thresholds
 from services.llm_parser.reader.parser import ReaderParser
-from services.llm_parser.reader.words import Words
 from training.parser.__main__ import FIGURES, HISTORY, REQUESTS, fit_and_export, take_bases
 from training.parser.measure import read_examined
+from training.parser.rounding import rounded
 from training.parser.vocabulary import LIST, write
 
 pytestmark = pytest.mark.train
@@ -92,7 +92,7 @@ def test_exported_networks_say_on_average_what_the_trained_ones_say(tmp_path: Pa
     torch.manual_seed(0)
     nets = [Reader(Encoder(Size(20, 96, 128, relative, 1e-5))).eval() for relative in (True, False)]
     for net in nets:
-        words = Words.rounded(net.encoder.word.weight.detach().numpy())
+        words = rounded(net.encoder.word.weight.detach().numpy())
         net.encoder.word.weight.data.copy_(torch.from_numpy(words.all()))
     (tmp_path / "mpnet").mkdir()
     (tmp_path / LIST).write_text("pot 1\n")
