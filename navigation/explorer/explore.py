@@ -15,6 +15,7 @@ from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama
 from navigation.point_cloud import Points, nearby_cloud, thinned
+from navigation.sensing import leaves_invalid
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -66,12 +67,14 @@ class Now(NamedTuple):
 
 
 class Step(NamedTuple):
-    """`inspected_share`: of the facade known or expected so far. `target`: the target building's cells."""
+    """`inspected_share`: of the facade known or expected so far. `target`: the target building's cells; `seen`: those
+    of them that count as inspected."""
 
     decision: Decision
     memory: Memory
     inspected_share: float
     target: Bools
+    seen: Bools
 
 
 def explore(
@@ -88,7 +91,7 @@ def explore(
     Raises NoFacade where the first call has no wall in front of it.
     """
     views = [thinned(view, _FINE_PX) for view in views]
-    settings = _within_reach(settings, views)
+    settings = _for_sensor(settings, views)
     scan = panorama(views, pose, settings.band_m, settings.body_band_m)
     walls = facade.read_walls(scan, settings)
     if memory is None:
@@ -103,20 +106,23 @@ def explore(
     _count_attempts(grid, memory, pose)
     frontier.expect(grid, scan, walls, target, settings)
     memory = memory._replace(map=grid, steps=memory.steps + 1, cut=_cut_now(memory, pose))
+    seen = facade.seen_cells(grid, target, settings)
     if scan.known_share < _BLIND_SHARE:
         stay = Decision("turn", "the cameras show nothing", (pose.x, pose.y), 0.0, 0.0, pose.yaw)
-        return Step(stay, memory._replace(stop=None), facade.inspected_share(grid, target), target)
+        return Step(stay, memory._replace(stop=None), facade.inspected_share(grid, target, seen), target, seen)
     body = settings.drone_radius_m + settings.clearance_m
     near = nearby_cloud(views, settings.l_max_m + body, body, pose.z)
     aside = seen_aside_deg([view.camera for view in views])
     decision, memory = _decide(memory, Now(scan, target, near, views, aside), settings)
-    return Step(decision, memory, facade.inspected_share(grid, target), target)
+    return Step(decision, memory, facade.inspected_share(grid, target, seen), target, seen)
 
 
-def _within_reach(settings: ExplorerParameters, views: Sequence[DepthView]) -> ExplorerParameters:
-    """What the sensor does not reach can't be planned to be seen."""
+def _for_sensor(settings: ExplorerParameters, views: Sequence[DepthView]) -> ExplorerParameters:
+    """What the sensor does not reach can't be planned to be seen; one that leaves pixels invalid has noise as well, and
+    draws what it sees from far beside where it is."""
     reach_m = min((view.reach_m for view in views), default=math.inf)
-    return settings._replace(inspect_range_m=min(settings.inspect_range_m, _REACH_SHARE * reach_m))
+    beside_m = settings.noisy_beside_m if leaves_invalid(views) else settings.beside_m
+    return settings._replace(inspect_range_m=min(settings.inspect_range_m, _REACH_SHARE * reach_m), beside_m=beside_m)
 
 
 def _count_attempts(grid: Map, memory: Memory, pose: Pose) -> None:
@@ -137,8 +143,8 @@ def _cut_now(memory: Memory, pose: Pose) -> int:
 
 
 def _decide(memory: Memory, now: Now, settings: ExplorerParameters) -> tuple[Decision, Memory]:
-    """The goal, and the stop on the way to it. Where nothing useful can be reached: first the cut is lifted, then
-    given-up pieces are taken up again, then the search is done."""
+    """The goal, and the stop on the way to it. Where nothing useful can be reached, or only by a long way round the
+    cut's end, the cut is lifted first; then given-up pieces are taken up again, then the search is done."""
     pose, grid, target = now.scan.pose, memory.map, now.target
     room = Room(now.near, now.views)
     clear, walls = path.clearance_m(grid), _cut_cells(memory, settings)
@@ -146,6 +152,10 @@ def _decide(memory: Memory, now: Now, settings: ExplorerParameters) -> tuple[Dec
         # when all that matters is seen, the little pieces get their look as well
         left = facade.unseen(grid, target, settings, _LEAST_PATCH_M if memory.relaxed else None)
         goal = choose_goal(grid, left, clear, walls, pose, settings) if left.any() else None
+        if goal is not None and memory.cut == CUT_ON and goal.way_m > settings.detour_m:
+            across = choose_goal(grid, left, clear, np.zeros_like(walls), pose, settings)
+            if across is not None and across.way_m < goal.way_m - settings.detour_m:
+                goal, memory, walls = across, memory._replace(cut=CUT_LIFTED), np.zeros_like(walls)
         if goal is not None:
             decision = next_stop(grid, goal, clear, walls, pose, room, settings)
             if decision is None:  # something sticks out close by: first away from it, then on
@@ -167,7 +177,7 @@ def _decide(memory: Memory, now: Now, settings: ExplorerParameters) -> tuple[Dec
             frontier.expect_openings(grid, target, settings)
             memory = memory._replace(relaxed=memory.relaxed + 1)
         else:
-            over = bool((facade.seen_cells(grid, target) == target).all()) and not grid.expected.any()
+            over = bool((facade.seen_cells(grid, target, settings) == target).all()) and not grid.expected.any()
             why = "all of the facade was inspected" if over else "what is left of the facade can't be reached or seen"
             stay = Decision("done", why, (pose.x, pose.y), 0.0, 0.0, pose.yaw)
             return stay, memory._replace(stop=None)

@@ -147,20 +147,22 @@ def target_cells(grid: Map, seed: Seed) -> Bools:
     return target
 
 
-def seen_cells(grid: Map, target: Bools) -> Bools:
-    """(SIZE, SIZE) the target's cells that are inspected, or have an inspected one beside them."""
+def seen_cells(grid: Map, target: Bools, settings: ExplorerParameters) -> Bools:
+    """(SIZE, SIZE) the target's cells that are inspected, or have an inspected one within `beside_m`."""
     seen = np.zeros_like(target)
-    part = part_about(target, 1)
+    beside = round(settings.beside_m / CELL_M)
+    part = part_about(target, beside)
     well = (grid.inspected[part] & target[part]).astype(np.uint8)
     if well.any():
-        seen[part] = (cv2.dilate(well, np.ones((3, 3), np.uint8)) > 0) & target[part]
+        about = np.ones((2 * beside + 1, 2 * beside + 1), np.uint8)
+        seen[part] = (cv2.dilate(well, about) > 0) & target[part]
     return seen
 
 
 def unseen(grid: Map, target: Bools, settings: ExplorerParameters, min_patch_m: float | None = None) -> Bools:
-    """(SIZE, SIZE) what is worth a stop: the target's cells that no stop has seen well, nor any cell beside them, and
+    """(SIZE, SIZE) what is worth a stop: the target's cells that no stop has seen well, nor any beside them, and
     the expected ones; in pieces of at least `min_patch_m`, not yet tried in vain `attempts` times."""
-    left = (target & ~seen_cells(grid, target) & (grid.attempts < settings.attempts)) | grid.expected
+    left = (target & ~seen_cells(grid, target, settings) & (grid.attempts < settings.attempts)) | grid.expected
     return patches(left, settings.min_patch_m if min_patch_m is None else min_patch_m)
 
 
@@ -178,7 +180,7 @@ def patches(cells: Bools, least_m: float) -> Bools:
     return kept
 
 
-def inspected_share(grid: Map, target: Bools) -> float:
+def inspected_share(grid: Map, target: Bools, seen: Bools) -> float:
     """The share of the facade known or expected that has been inspected, 0..1; 0 where nothing is known of it."""
     known = int(target.sum()) + int(grid.expected.sum())
-    return float(seen_cells(grid, target).sum()) / known if known else 0.0
+    return float(seen.sum()) / known if known else 0.0

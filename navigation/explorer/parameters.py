@@ -11,7 +11,8 @@ class ExplorerParameters(NamedTuple):
     Depth: what lies up to `band_m` above or below the camera is facade; what lies up to `body_band_m` is in the
     drone's way; `map_range_m` is how far returns are drawn into the map, `sensor_range_m` what counts as a return.
     Inspection: facade counts as seen up to `inspect_range_m` and `inspect_incidence_deg` from its normal; plans keep
-    `plan_range_share` of the range and `plan_incidence_slack_deg` of the angle in reserve.
+    `plan_range_share` of the range and `plan_incidence_slack_deg` of the angle in reserve. What lies within `beside_m`
+    of it counts as well; within `noisy_beside_m` where the sensor has noise, and the pose drifts.
     Expectation: `hidden_face_m` of wall is expected round an edge, `straight_on_m` behind an occluder or the picture's
     end; `bridge_m` is the widest gap between two collinear pieces that is taken for one wall. Smaller pieces than
     `min_patch_m` are not worth a stop.
@@ -19,7 +20,8 @@ class ExplorerParameters(NamedTuple):
     `stand_off_cost`: what a metre costs that the place lies farther from the walls than it must; whoever goes out wide
     flies the next corner wide as well.
     `unknown_cost`: what a metre through unknown country costs. `cut_m`: how long the line out of the first facade is
-    that the drone does not cross back over. `attempts`: stops that failed to show a piece before it is given up.
+    that the drone does not cross back over, unless that saves more than `detour_m`. `attempts`: stops that failed to
+    show a piece before it is given up.
     """
 
     l_max_m: float
@@ -33,6 +35,8 @@ class ExplorerParameters(NamedTuple):
     band_m: float = 0.5
     body_band_m: float = 1.2
     map_range_m: float = 45.0
+    beside_m: float = 0.5
+    noisy_beside_m: float = 1.0
     plan_range_share: float = 0.965
     plan_incidence_slack_deg: float = 3.0
     hidden_face_m: float = 8.0
@@ -45,6 +49,7 @@ class ExplorerParameters(NamedTuple):
     stand_off_cost: float = 2.0
     unknown_cost: float = 1.3
     cut_m: float = 40.0
+    detour_m: float = 20.0
     attempts: int = 2
     relax_rounds: int = 2
 

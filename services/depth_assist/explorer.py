@@ -9,7 +9,7 @@ from contracts.depth_assist import ExploreAnswer, ExploreDrawing, ExploreQuestio
 from contracts.geometry import Box, Point2
 from contracts.images import BadImage, decode_base64
 from navigation.camera import DepthView, Pose, bearing_deg
-from navigation.explorer import facade, map_codec
+from navigation.explorer import map_codec
 from navigation.explorer.explore import Memory, NoFacade, Step, explore
 from navigation.explorer.map import CELL_M, SIZE, Bools, Map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
@@ -63,7 +63,6 @@ def unpack(text: str) -> Memory:
 
 def _answer(step: Step) -> ExploreAnswer:
     decision, grid = step.decision, step.memory.map
-    seen = facade.seen_cells(grid, step.target)
     return ExploreAnswer(
         status=decision.status,
         reason=decision.reason,
@@ -78,8 +77,8 @@ def _answer(step: Step) -> ExploreAnswer:
         map=pack(step.memory),
         drawing=ExploreDrawing(
             cell_m=CELL_M,
-            inspected=_points(grid, seen),
-            uninspected=_points(grid, step.target & ~seen),
+            inspected=_points(grid, step.seen),
+            uninspected=_points(grid, step.target & ~step.seen),
             expected=_points(grid, grid.expected),
             way=tuple((round(x, 2), round(y, 2)) for x, y in decision.way),
         ),
