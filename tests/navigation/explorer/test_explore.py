@@ -8,7 +8,8 @@ import pytest
 from evaluation.task_set.task_files import shipped
 from navigation.camera import DepthView, Pose, pinhole
 from navigation.explorer import map_codec
-from navigation.explorer.explore import NoFacade, explore
+from navigation.explorer.explore import CUT_LIFTED, NoFacade, explore
+from navigation.explorer.map import CELL_M, OCCUPIED
 from tests.load.explorer_study import Flight, contour, figures, fly, paper
 from tests.navigation import usual
 from tests.navigation.explorer_worlds import make_task
@@ -112,6 +113,22 @@ def test_a_drone_that_was_pushed_elsewhere_goes_on_from_where_it_is() -> None:
     assert step.decision.status == "move"
     assert math.dist(step.decision.place, (pushed.x, pushed.y)) == pytest.approx(step.decision.distance_m, abs=1e-6)
     assert not step.memory.map.attempts[step.target].any()
+
+
+@pytest.mark.parametrize(("detour_m", "lifted"), [(usual.EXPLORER.detour_m, True), (math.inf, False)])
+def test_a_long_way_round_is_not_flown_where_the_cut_alone_bars_a_short_one(detour_m: float, lifted: bool) -> None:
+    """All that is left lies round the right corner of the house, and the drone stands left of the cut."""
+    memory = explore(None, _views(), HERE, usual.EXPLORER).memory
+    grid = memory.map.copy()
+    grid.inspected[grid.state == OCCUPIED] = True
+    east = np.zeros_like(grid.expected)
+    east[:, int((7.0 - grid.west_m) / CELL_M) :] = True
+    grid.attempts[~east] = usual.EXPLORER.attempts
+    grid.expected[~east] = False
+    there = HERE._replace(x=-4.0)
+    step = explore(memory._replace(map=grid), _views(there), there, usual.EXPLORER._replace(detour_m=detour_m))
+    assert (step.memory.cut == CUT_LIFTED) is lifted
+    assert (step.decision.way_m < 25.0) is lifted
 
 
 def test_without_room_for_the_body_it_does_not_fly() -> None:
