@@ -8,6 +8,7 @@ from contracts.base import Metres, Name, Unit, Wire
 from contracts.cameras import MAX_CAMERAS, Camera
 from contracts.geometry import Box, Point2, Point3, PointLabel, Pose
 from contracts.images import DepthMap
+from contracts.keep_out import AllKeepOuts
 
 Positive = Annotated[float, Field(gt=0.0, le=10_000.0)]
 
@@ -158,7 +159,8 @@ class ApproachSettings(Wire):
 
 class ApproachQuestion(Wire):
     """`pose` is the drone's measured pose when the view was taken; `others`: further views of the same moment, for what
-    lies beside the way. `max_leg_m` caps the flight, so that a far target is approached in several looks."""
+    lies beside the way. `max_leg_m` caps the flight, so that a far target is approached in several looks. `keep_out`:
+    what no way may lead into."""
 
     view: ViewDepth
     others: tuple[ViewDepth, ...] = Field(default=(), max_length=MAX_CAMERAS)
@@ -166,6 +168,7 @@ class ApproachQuestion(Wire):
     pose: Pose
     settings: ApproachSettings = ApproachSettings()
     max_leg_m: Positive = 40.0
+    keep_out: AllKeepOuts = ()
 
 
 class ApproachAnswer(Wire):
@@ -209,13 +212,15 @@ class ExploreSettings(Wire):
 class ExploreQuestion(Wire):
     """The views of one moment and the measured pose they were taken at; the level ones make the map, all of them check
     the way. `map` is what the last answer handed back, null at the first step, when the target building lies ahead,
-    within `building_box`'s width in the view that looks ahead, if there is one."""
+    within `building_box`'s width in the view that looks ahead, if there is one. `keep_out`: what no way may lead
+    into."""
 
     views: tuple[ViewDepth, ...] = Field(min_length=1, max_length=MAX_CAMERAS)
     pose: Pose
     map: str | None = Field(default=None, min_length=4, max_length=1024 * 1024)
     building_box: Box | None = None
     settings: ExploreSettings = ExploreSettings()
+    keep_out: AllKeepOuts = ()
 
 
 PlanPoint = tuple[float, float]

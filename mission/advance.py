@@ -65,12 +65,14 @@ async def run(step: Step) -> MissionState:
     try:
         if step.state.flight is not None:
             await step.fly(step.state.flight)
+        if step.state.flight is not None:  # the next flight comes before anything else
+            return step.state
         stage = await _act(step, step.state.stage)
+        step.update(stage=stage)
     except MissionEnd as end:
-        stage = Ended(outcome=end.outcome, message=_with_remark(step, end))
+        step.update(stage=Ended(outcome=end.outcome, message=_with_remark(step, end)))
     finally:
         step.spend("total", time.perf_counter() - started)
-    step.update(stage=stage)
     return step.state
 
 

@@ -14,31 +14,30 @@ import numpy as np
 
 from contracts.flight_limits import FlightLimits, GuardAction, RefusalReason
 from contracts.geometry import Point3, Pose
-from contracts.images import BadImage, decode_depth
 from contracts.vehicle import MAX_PATH_POINTS, Move, MoveResult, Observation, VehicleCapabilities, VehicleState
 from mission.endurance import left_s
-from mission.frames import FINAL, FlightRefused, FrameWatch
-from mission.looks import FAR_M, navigation_camera
+from mission.frames import FINAL, FlightRefused
+from mission.guard_looks import HERE_M, GuardLooks
+from mission.passing import OVER_M, let_pass
 from mission.places import distance_m, point_of
 from mission.ports import ServiceRefused
 from mission.state import GuardMemory
 from mission.vehicle import Progress, Vehicle
-from navigation import guard
-from navigation.camera import DepthView, Place
+from navigation import guard, passers_by
+from navigation.airspace import Space
+from navigation.camera import Place
 from navigation.camera import Pose as FlownPose
-from navigation.sensing import shown_reach_m
+from navigation.keep_out import Volume
 
 MANUAL = "manual_control"
 """The code by which a vehicle refuses what it is told, because somebody else flies it."""
-LOOKS_KEPT = 12
-HERE_M = 0.5
-"""A look from farther off does not show what is about the drone."""
 FAST_SHARE = 1.15
 
 
 class GuardedVehicle:
     """A vehicle that flies only what the guard lets it fly. The same interface as any `Vehicle`; `fly` may raise
-    FlightRefused as well. `clock`: seconds that only go forward."""
+    FlightRefused as well. `clock`: seconds that only go forward. `waited_s`: so long the last flight waited for who
+    walked by."""
 
     def __init__(
         self,
@@ -54,20 +53,20 @@ class GuardedVehicle:
         self.limits = limits
         self._began, self._home = memory, memory.home
         self._clock = clock
-        self._looks: list[guard.Look] = []
-        self._looked_s = -math.inf
-        self._frames = FrameWatch(len(capabilities.cameras), limits.max_pose_jump_m)
-        self._shown_m = memory.reach_m
-        self._top_m = memory.top_m
+        self._room_m = capabilities.radius_m + limits.min_clearance_m
+        low_m = passers_by.HEAD_M + self._room_m
+        self._seen = GuardLooks(memory, len(capabilities.cameras), limits.max_pose_jump_m, low_m, clock)
         self._pose: Pose | None = None
         self._trouble: FlightRefused | None = None
+        self.waited_s = 0.0
         self._corners: list[Point3] = list(memory.flown)
 
     @property
     def memory(self) -> GuardMemory:
         """What whoever carries the mission on must know."""
-        learnt = {"top_m": self._top_m, "reach_m": self._shown_m, "flown": tuple(self._corners)}
-        return self._began.model_copy(update=learnt)
+        seen = self._seen
+        learnt = {"top_m": seen.top_m, "reach_m": seen.reach_m, "passers_by": seen.passers_by}
+        return self._began.model_copy(update=learnt | {"flown": tuple(self._corners)})
 
     @property
     def name(self) -> str:
@@ -76,13 +75,18 @@ class GuardedVehicle:
     @property
     def ceiling_m(self) -> float:
         """How high it may fly here, above ground: so far above what stands beside it, as depth has shown it."""
-        top = max(self._home.z, self._top_m if self._top_m is not None else 0.0)
+        top = max(self._home.z, self._seen.top_m if self._seen.top_m is not None else 0.0)
         return min(self.limits.max_height_m, top + self.limits.roof_margin_m)
 
     @property
     def looks(self) -> Sequence[guard.Look]:
         """What the cameras have shown, oldest first."""
-        return self._looks
+        return self._seen.all
+
+    @property
+    def low_m(self) -> float:
+        """Up to this height of the drone's centre, people and cars reach it."""
+        return self._seen.low_m
 
     async def connect(self) -> VehicleCapabilities:
         return await self._vehicle.connect()
@@ -117,14 +121,15 @@ class GuardedVehicle:
     async def observe(self, cameras: Sequence[str] | None = None, *, depth: bool = True) -> Observation:
         """As the vehicle; what is seen is remembered, and whether it can be of now."""
         seen = await self._vehicle.observe(cameras, depth=depth)
-        look = self._remember(seen)
+        look = self._seen.remember(seen, self._pose)
         if look is not None:
-            self._learn(look)
+            self._seen.learn(look)
         return seen
 
     async def fly(self, number: int, move: Move, progress: Progress | None = None) -> MoveResult:
         """Raises FlightRefused, PortError."""
         state = await self._vehicle.state()
+        self.waited_s = 0.0
         if state.moves < number:
             await self._permit(move, state)
         before = state.pose
@@ -163,15 +168,15 @@ class GuardedVehicle:
     @property
     def distrust(self) -> FlightRefused | None:
         """Why the last look is not to be gone by; null where it is."""
-        return self._frames.distrust
+        return self._seen.frames.distrust
 
     def column_is_open(self, place: Place, to_m: float) -> bool:
         """May it climb there, as far as depth has shown?"""
-        return guard.column_is_open(place, to_m, self._looks)
+        return guard.column_is_open(place, to_m, self._seen.all)
 
     def column_looks_open(self, place: Place, to_m: float) -> bool:
         """The same of a place elsewhere, as it is seen from here."""
-        return guard.column_looks_open(place, to_m, self._looks)
+        return guard.column_looks_open(place, to_m, self._seen.all)
 
     async def _permit(self, move: Move, state: VehicleState) -> None:
         """Returns where the move may be flown. Raises FlightRefused, PortError."""
@@ -181,21 +186,35 @@ class GuardedVehicle:
         if not move.path:
             return
         up_m = move.path[0].z - state.pose.z
-        if self._must_look(state, climbs=up_m > HERE_M):
-            self._remember(await self._vehicle.observe())
-        if self._frames.distrust is not None:
-            raise self._frames.distrust
+        if self._seen.must_look(state, self.limits.max_frame_age_s, climbs=up_m > HERE_M):
+            self._seen.remember(await self._vehicle.observe(), self._pose)
+        if self._seen.frames.distrust is not None:
+            raise self._seen.frames.distrust
         pose = FlownPose(state.pose.x, state.pose.y, state.pose.z, state.pose.yaw)
         path = [Place(p.x, p.y, p.z) for p in move.path]
+        self._check_path(path, pose)
+        rises = pose.z < self.low_m and self.column_is_open(Place(pose.x, pose.y, pose.z), self.low_m + OVER_M)
+        self.waited_s = await let_pass(path, pose, self._speed_m_s, self._seen, self._look_again, rises=rises)
+        if self.waited_s > 0.0:
+            self._check_path(path, pose)
+
+    def _check_path(self, path: Sequence[Place], pose: FlownPose) -> None:
+        """By what the looks so far have shown. Raises FlightRefused."""
         flown = np.array([(c.x, c.y, c.z) for c in self._corners] or [(pose.x, pose.y, pose.z)])
-        refusal = guard.check(path, self._looks, flown, pose, self._space())
+        refusal = guard.check(path, self._seen.all, flown, pose, self._space())
         if refusal is not None:
             raise FlightRefused(refusal.reason, refusal.said, Point3(x=refusal.at.x, y=refusal.at.y, z=refusal.at.z))
 
-    def _space(self) -> guard.Space:
+    async def _look_again(self, instead: bool) -> float:
+        """One look more, or one instead of the last; when it was taken, seconds. Raises PortError."""
+        seen = await self._vehicle.observe()
+        self._seen.remember(seen, self._pose, instead=instead)
+        return seen.time_s if seen.time_s is not None else self._clock()
+
+    def _space(self) -> Space:
         limits, home = self.limits, Place(self._home.x, self._home.y, self._home.z)
-        radius_m = self._capabilities.radius_m + limits.min_clearance_m
-        return guard.Space(home, limits.geofence_m, limits.min_height_m, self.ceiling_m, radius_m)
+        keep_out = tuple(Volume(v.name, v.corners, v.min_height_m, v.max_height_m) for v in limits.keep_out)
+        return Space(home, limits.geofence_m, limits.min_height_m, self.ceiling_m, self._room_m, keep_out)
 
     def _check_vehicle(self, move: Move, state: VehicleState) -> None:
         limits = self.limits
@@ -215,40 +234,6 @@ class GuardedVehicle:
             left, kept = 100 * state.battery.remaining, 100 * limits.battery_reserve
             raise FlightRefused("battery_reserve", f"{needs}; {left:.0f} % of the charge is left, {kept:.0f} % kept")
 
-    def _must_look(self, state: VehicleState, *, climbs: bool) -> bool:
-        """Is the last look too old, from elsewhere, or without the cameras that a climb needs?"""
-        if not self._looks or self._clock() - self._looked_s > self.limits.max_frame_age_s:
-            return True
-        then, here = self._looks[-1].pose, state.pose
-        elsewhere = math.dist((then.x, then.y, then.z), (here.x, here.y, here.z)) > HERE_M
-        return elsewhere or (climbs and len(self._looks[-1].views) < len(self._capabilities.cameras))
-
-    def _remember(self, seen: Observation) -> guard.Look | None:
-        views = []
-        for view in seen.views:
-            if view.depth is None:
-                continue
-            try:
-                views.append(DepthView(navigation_camera(view.camera), decode_depth(view.depth)))
-            except BadImage:
-                continue  # whoever asked for the picture says what is wrong with it
-        if not views:
-            return None
-        self._frames.see(seen, views, self._pose)
-        reach_m = max(self._shown_m, min(FAR_M, shown_reach_m(views)))
-        pose = FlownPose(seen.pose.x, seen.pose.y, seen.pose.z, seen.pose.yaw)
-        look = guard.look_of(views, pose, shown_m=reach_m)
-        self._looks = [*self._looks[-LOOKS_KEPT + 1 :], look]
-        self._looked_s = self._clock()
-        return look
-
-    def _learn(self, look: guard.Look) -> None:
-        """What the mission's own looks teach of roof and reach is part of its state; a step that is done again makes
-        them again."""
-        self._shown_m = max(self._shown_m, look.reach_m)
-        if (top_m := guard.top_beside_m(look)) is not None:
-            self._top_m = max(top_m, self._top_m or 0.0)
-
     def _flown(self, before: Pose, move: Move, done: MoveResult) -> None:
         if move.path:
             self._corners = self._corners or [point_of(self._home)]
@@ -266,9 +251,13 @@ class GuardedVehicle:
         self._pose = state.pose
         return state
 
+    @property
+    def _speed_m_s(self) -> float:
+        """What it flies at on the whole, speeding up and braking, at least."""
+        return max(0.5 * min(self._capabilities.max_speed_m_s, self.limits.max_speed_m_s), 0.1)
+
     def _seconds(self, path_m: float) -> float:
-        speed = min(self._capabilities.max_speed_m_s, self.limits.max_speed_m_s)
-        return path_m / max(0.5 * speed, 0.1)
+        return path_m / self._speed_m_s
 
     def _way_home_s(self) -> float:
         """Back along the way flown, but no longer than twice the straight way: by then it is known that it is free."""

@@ -54,12 +54,13 @@ class LookUnderWay(Wire):
 class GuardMemory(Wire):
     """What the flight guard knows of a mission's earlier flights: where it started, and with which share of a full
     battery (`charge`), how high reaches what depth has shown beside the drone, how far the depth sensors have shown
-    that they reach, and the corners of the way flown."""
+    that they reach, whether anybody was seen to walk or drive by (`passers_by`), and the corners of the way flown."""
 
     home: Pose
     charge: float | None = None
     top_m: float | None = None
     reach_m: Metres = 0.0
+    passers_by: bool = False
     flown: tuple[Point3, ...] = ()
 
 
@@ -68,14 +69,14 @@ class MissionState(Wire):
 
     `exchanges` are the questions that were put to the customer, with the answers.
     `vehicle` is the drone's name, `renderer` who draws its pictures in a simulator, `drone` its state after the last
-    flight. `flight` is flown before `stage` goes on; `arrived`: the last one came to its end. `trail`: the corners
-    flown since the search or the facade was left, to go back along. `memory` is the search policy's own; `looking`: a
-    look that takes several stops. `height_confirmed`: whether a look at the final height showed
-    the row of windows asked for, null where nothing tells. `start_remark`: what was amiss where the drone began, for
-    the customer. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
-    flights that it has refused since the last one it let happen. `silent_looks`
-    counts useless answers in a row, `approaches` those begun and given up. `elsewhere`: where else such a
-    thing was seen, for the customer; `another`: where a second one was surely seen, at another window that the request
+    flight. `flight` is flown before `stage` goes on, and after it `interrupted`, which had to wait; `arrived`: the last
+    one came to its end. `trail`: the corners flown since the search or the facade was left, to go back along. `memory`
+    is the search policy's own; `looking`: a look that takes several stops. `height_confirmed`: whether a look at the
+    final height showed the row of windows asked for, null where nothing tells. `start_remark`: what was amiss where the
+    drone began, for the customer. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
+    flights that it has refused since the last one it let happen. `silent_looks` counts useless answers in a row,
+    `approaches` those begun and given up. `elsewhere`: where else such a thing was seen, for the customer; `another`:
+    where a second one was surely seen, at another window that the request
     fits as well. `no_building`: the yaws in which what looked like a facade had no floor. `counted_at`: the number of
     moves when a stop was counted last, for several questions at one place are one stop. `events`: the number of the
     last event; `seconds`: wall time by part."""
@@ -92,6 +93,7 @@ class MissionState(Wire):
     renderer: str | None = None
     drone: VehicleState | None = None
     flight: PlannedFlight | None = None
+    interrupted: PlannedFlight | None = None
     arrived: bool = True
     trail: tuple[Point3, ...] = ()
     final_height_m: float | None = None

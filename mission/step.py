@@ -21,6 +21,7 @@ from mission.frames import FINAL, FlightRefused
 from mission.guard import GuardedVehicle, guarded
 from mission.looks import Look, Sight, look_of, navigation_camera
 from mission.model_calls import Reply, ask
+from mission.passing import way_over
 from mission.placement import Placement
 from mission.places import point_of, spoken
 from mission.policies.base import AnyPolicy
@@ -218,18 +219,23 @@ class Step:
         self.update(flight=PlannedFlight(move=Move(path=tuple(path), yaw=yaw), why=why))
 
     async def fly(self, flight: PlannedFlight) -> None:
-        """One move, recorded; one that the guard refuses is recorded as well, and not flown. Raises MissionEnd
-        (collision) where the drone hit something, (stopped_by_guard) where no other flight would be let happen either,
-        or too many were refused; PortError."""
+        """One move, recorded; one that the guard refuses is recorded as well, and not flown. `state.flight` is what is
+        flown before the stage goes on, null afterwards for the most part. Raises MissionEnd (collision) where the drone
+        hit something, (stopped_by_guard) where no other flight would be let happen either, or too many were refused;
+        PortError."""
         before, move = self.flown, flight.move
         try:
             done = await self.timed("move", self.drone.vehicle.fly(before.moves + 1, move))
         except FlightRefused as refusal:
-            await self._refused(flight, refusal)
+            if refusal.reason != "passer_by" or not self._rise(flight, refusal):
+                await self._refused(flight, refusal)
             return
+        if (waited_s := self.drone.vehicle.waited_s) > 0.0:
+            self.write(f"waited {waited_s:.1f} s for somebody to walk or drive by", NoData())
         self.update(guard=self.drone.vehicle.memory, refusals=0 if move.path else self.state.refusals)
         trail = (*self.state.trail, *move.path[:-1], point_of(done.pose)) if move.path else self.state.trail
-        self.update(drone=done.vehicle, flight=None, arrived=done.reached, trail=trail)
+        self.update(drone=done.vehicle, arrived=done.reached, trail=trail)
+        self.update(flight=self.state.interrupted if done.reached else None, interrupted=None)
         kind = MoveData if move.path else TurnData
         self.write(
             flight.why + ("" if done.reached else f"; stopped early{f' by {done.hit}' if done.hit else ''}"),
@@ -249,12 +255,23 @@ class Step:
             hit = f" with {done.hit}" if done.hit else ""
             raise MissionEnd("collision", f"the drone collided{hit} at {spoken(done.pose)} ({flight.why})")
 
+    def _rise(self, flight: PlannedFlight, refusal: FlightRefused) -> bool:
+        """Plans to fly over who walks by; not where the drone is above them already."""
+        vehicle, move = self.drone.vehicle, flight.move
+        if self.pose.z >= vehicle.low_m:
+            return False
+        refused = RefusedData(reason=refusal.reason, at=refusal.at, path=move.path, action="none")
+        self.write(f"{refusal.message}: over them ({flight.why})", refused)
+        up, over = way_over(flight, self.pose, vehicle.low_m)
+        self.update(flight=up, interrupted=over)
+        return True
+
     async def _refused(self, flight: PlannedFlight, refusal: FlightRefused) -> None:
         """The guard has spoken: another plan may do better, unless nothing would. Raises MissionEnd
         (stopped_by_guard), PortError."""
         said = f"the flight guard refused: {refusal.message} ({flight.why})"
         path = flight.move.path
-        self.update(flight=None, arrived=False, refusals=self.state.refusals + 1)
+        self.update(flight=None, interrupted=None, arrived=False, refusals=self.state.refusals + 1)
         if refusal.reason in FINAL or self.state.refusals >= MAX_REFUSALS:
             await self._stop(refusal, path, said)
         self.write(said, RefusedData(reason=refusal.reason, at=refusal.at, path=path, action="none"))

@@ -11,6 +11,7 @@ from navigation import corner as corners
 from navigation import opening as openings
 from navigation import target as targets
 from navigation.camera import DepthView, Place, Pose
+from navigation.keep_out import Volume, surfaces
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, to_enu
 from navigation.railings import carriers, railings_on
 from navigation.sensing import FREE, leaves_invalid, looked_at
@@ -68,7 +69,13 @@ class Approach(NamedTuple):
 
 
 def plan_approach(
-    view: DepthView, others: Sequence[DepthView], box: Box, pose: Pose, settings: ApproachParameters, max_leg_m: float
+    view: DepthView,
+    others: Sequence[DepthView],
+    box: Box,
+    pose: Pose,
+    settings: ApproachParameters,
+    max_leg_m: float,
+    keep_out: Sequence[Volume] = (),
 ) -> Approach:
     """The way from `pose` to the stop in front of the thing in `box` of `view`.
 
@@ -76,7 +83,8 @@ def plan_approach(
     drone's radius + clearance touches neither a return of any view nor a railing that depth may have missed, and every
     part of it lies where some view looked through. Where only the second leg is out of sight, the path ends at the
     corner, for another look from there; not at one where the drone hovers already.
-    `others` are further views of the same moment. `max_leg_m` caps the whole flight.
+    `others` are further views of the same moment. `max_leg_m` caps the whole flight. `keep_out` is solid, though
+    nothing is hidden behind it.
     """
     found = targets.locate(view, box, pose, settings.target)
     if found is None:
@@ -88,6 +96,8 @@ def plan_approach(
     shown = points
     if leaves_invalid(views):
         points = np.concatenate([points, railings_on(carriers(points, pose))])
+    if keep_out:
+        points = np.concatenate([points, surfaces(keep_out, Place(pose.x, pose.y, pose.z))])
     stop = stop_place(found, shown, points, pose, settings)
     start = Place(pose.x, pose.y, pose.z)
     points = _within_reach(points, start, stop, settings)

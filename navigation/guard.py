@@ -7,11 +7,12 @@ are above the ground at the start; all places are ENU. `mission.guard` asks it b
 import math
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from navigation.airspace import Refusal, Space, outside
 from navigation.camera import DepthView, Place, Pose
 from navigation.point_cloud import GROUND_M, Points, cloud, nearest_of_blocks, thinned, to_enu
 from navigation.railings import carriers, railings_on
@@ -19,7 +20,6 @@ from navigation.sensing import FREE, HIDDEN, leaves_invalid, looked_at, read_vie
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
-Refused = Literal["geofence", "below_floor", "above_ceiling", "clearance", "unseen"]
 
 _STEP_M = 0.25
 _KEPT_M = 20.0
@@ -57,25 +57,6 @@ class Look(NamedTuple):
     misses_thin: bool = False
 
 
-class Space(NamedTuple):
-    """Where the drone may be: within `geofence_m` of `home`, from `floor_m` to `ceiling_m`, `radius_m` (its own and the
-    clearance) from everything."""
-
-    home: Place
-    geofence_m: float
-    floor_m: float
-    ceiling_m: float
-    radius_m: float
-
-
-class Refusal(NamedTuple):
-    """Why a path is refused, in words, and where on it."""
-
-    reason: Refused
-    said: str
-    at: Place
-
-
 def look_of(views: Sequence[DepthView], pose: Pose, *, shown_m: float = 0.0) -> Look:
     """The look, as it is kept. `views` as the cameras gave them; `shown_m`: the reach shown before."""
     read = read_views(views, shown_m=shown_m)
@@ -96,7 +77,7 @@ def check(path: Sequence[Place], looks: Sequence[Look], flown: Floats, pose: Pos
     the drone has been at, in order."""
     corners = [Place(pose.x, pose.y, pose.z), *path]
     for a, b in pairwise(corners):
-        refusal = _outside(a, b, space)
+        refusal = outside(a, b, space)
         if refusal is not None:
             return refusal
     way = np.concatenate([flown, [corners[0]]])
@@ -166,18 +147,6 @@ def overhangs(points: Points, place: Place, to_m: float) -> bool:
     stands = {(x + dx, y + dy) for x, y in below for dx in (-1, 0, 1) for dy in (-1, 0, 1)}
     above = [(int(x), int(y)) for x, y in np.floor(points[high & inner, :2] / _OVERHANG_CELL_M)]
     return sum(cell not in stands for cell in above) > _FEW
-
-
-def _outside(a: Place, b: Place, space: Space) -> Refusal | None:
-    """Out of the space allowed; whoever is outside may come back."""
-    far = math.hypot(b.x - space.home.x, b.y - space.home.y)
-    if far > max(space.geofence_m, math.hypot(a.x - space.home.x, a.y - space.home.y) - _LIE_M):
-        return Refusal("geofence", f"{far:.0f} m from the start; {space.geofence_m:g} m are allowed", b)
-    if b.z < min(space.floor_m, a.z) - _LIE_M:
-        return Refusal("below_floor", f"{b.z:.1f} m above ground; no lower than {space.floor_m:.1f} m is allowed", b)
-    if b.z > max(space.ceiling_m, a.z) + _LIE_M:
-        return Refusal("above_ceiling", f"{b.z:.1f} m high; {space.ceiling_m:.1f} m are allowed here", b)
-    return None
 
 
 def _touches(a: Place, b: Place, looks: Sequence[Look], radius_m: float) -> Refusal | None:

@@ -1,12 +1,8 @@
 """The fleet over HTTP: simulators and vehicles, as the fleet file names them."""
 
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
-from pydantic import ValidationError
-
-from contracts.errors import first_problem
 from contracts.fleet import FleetFile, FleetMember
 from contracts.geometry import Point3
 from contracts.sim import Verdict
@@ -21,21 +17,15 @@ from mission.vehicles.simulator_trial import SimulatorTrial
 from orchestrator.delivery import Order
 from orchestrator.hangar import FlownWith, Member, SignOfLife
 from service_kit.client import ServiceClient
-from service_kit.settings import BadSetting, secret
+from service_kit.setting_files import read_toml
+from service_kit.settings import secret
 
 CALL_DEADLINE_S = 60.0
 
 
 def read_fleet(path: Path) -> tuple[FleetMember, ...]:
     """The members of a fleet file. Raises BadSetting with one line that says what is wrong."""
-    try:
-        return FleetFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8"))).vehicle
-    except OSError as error:
-        raise BadSetting(f"FLEET={path}: {error.strerror}; name a readable file") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise BadSetting(f"FLEET={path}: not TOML: {error}") from None
-    except ValidationError as error:
-        raise BadSetting(f"FLEET={path}: {first_problem(error)}") from None
+    return read_toml("FLEET", path, FleetFile).vehicle
 
 
 class VehicleAt:

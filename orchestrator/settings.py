@@ -6,8 +6,10 @@ from typing import ClassVar
 from pydantic import Field
 
 from contracts.flight_limits import FlightLimits
+from contracts.keep_out import KeepOutFile
 from mission.customer import DEFAULT_PATIENCE_S
 from service_kit.connections import Connections
+from service_kit.setting_files import read_toml
 from service_kit.settings import HttpAddress, Secret, ServiceSettings, Token
 
 
@@ -123,10 +125,15 @@ class OrchestratorSettings(Connections, ServiceSettings):
     flight_battery_reserve: float = Field(
         FlightLimits().battery_reserve, ge=0.0, le=1.0, description="Of a full charge; kept for the unforeseen."
     )
+    flight_keep_out: Path | None = Field(
+        None, description="A TOML file of volumes that no flight enters, such as about overhead wires."
+    )
 
     @property
     def flight_limits(self) -> FlightLimits:
-        """What the flight guard lets no flight exceed, whatever a delivery asks for."""
+        """What the flight guard lets no flight exceed, whatever a delivery asks for. Raises BadSetting."""
+        named = self.flight_keep_out
+        keep_out = read_toml("FLIGHT_KEEP_OUT", named, KeepOutFile).keep_out if named is not None else ()
         return FlightLimits(
             geofence_m=self.flight_geofence_m,
             max_height_m=self.flight_max_height_m,
@@ -135,4 +142,5 @@ class OrchestratorSettings(Connections, ServiceSettings):
             max_speed_m_s=self.flight_max_speed_m_s,
             max_flight_s=self.flight_max_s,
             battery_reserve=self.flight_battery_reserve,
+            keep_out=keep_out,
         )

@@ -7,6 +7,7 @@ from mission.places import point_of
 from mission.policies.base import NextStop, NothingLeft, Plan
 from mission.stage_actions.approaching import begin_approach
 from mission.stage_actions.looking import ALL_ROUND_DEG, look_aside
+from mission.stage_actions.over_heads import rises_over_heads
 from mission.stage_actions.planning import memory_of, plan_onward
 from mission.stage_actions.searching import search
 from mission.stages import LeaveBlocked, LookRound, Stage
@@ -23,6 +24,8 @@ async def look_round(step: Step) -> Stage:
     last = step.settings.max_exploration_steps
     if step.state.exploration_steps >= last:
         raise _not_found(step, f"no window with {step.thing} was found {_looked(step)}")
+    if rises_over_heads(step):
+        return LookRound()
     look = await look_aside(step, ALL_ROUND_DEG)
     if look is None:
         return LookRound()
@@ -45,6 +48,8 @@ async def leave_blocked(step: Step) -> LookRound | LeaveBlocked:
     """On to the policy's next stop without another question for the object. Raises as `look_round`."""
     _enter_search(step)
     if step.state.exploration_steps < step.settings.max_exploration_steps:
+        if rises_over_heads(step):
+            return LeaveBlocked()
         look = await look_aside(step, ALL_ROUND_DEG)
         if look is None:
             return LeaveBlocked()

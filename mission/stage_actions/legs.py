@@ -54,6 +54,7 @@ async def _asked_way(
         pose=sight.pose,
         settings=settings,
         max_leg_m=leg_m,
+        keep_out=step.context.limits.keep_out,
     )
     answer = await step.timed("approach", step.ports.depth.approach(question))
     step.write(

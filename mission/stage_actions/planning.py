@@ -36,7 +36,8 @@ class StepTools:
         return await self._mission.timed("safe_distances", self._mission.ports.depth.safe_distances(question))
 
     async def explore(self, question: ExploreQuestion) -> ExploreAnswer:
-        return await self._mission.timed("explore", self._mission.ports.depth.explore(question))
+        asked = question.model_copy(update={"keep_out": self._mission.context.limits.keep_out})
+        return await self._mission.timed("explore", self._mission.ports.depth.explore(asked))
 
     async def choose_direction(self, question: ChooseDirectionQuestion) -> Reply[ChooseDirectionAnswer]:
         self._mission.count_stop()

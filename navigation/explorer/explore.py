@@ -14,6 +14,7 @@ from navigation.explorer.goal import Decision, Goal, Room, choose_goal, next_sto
 from navigation.explorer.map import Map, carve, draw_hits, empty_map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama
+from navigation.keep_out import Volume, at_height
 from navigation.point_cloud import Points, nearby_cloud, thinned
 from navigation.sensing import leaves_invalid
 
@@ -57,13 +58,15 @@ class Memory(NamedTuple):
 
 class Now(NamedTuple):
     """What this step has: the scan, the target building's cells, the returns about the drone (nose frame), and how far
-    to either side of the nose a look sees, degrees. `views`: for the sight along a way."""
+    to either side of the nose a look sees, degrees. `views`: for the sight along a way. `keep_out`: cells that may not
+    be flown into."""
 
     scan: Scan
     target: Bools
     near: Points
     views: Sequence[DepthView]
     aside_deg: float
+    keep_out: Bools
 
 
 class Step(NamedTuple):
@@ -83,10 +86,11 @@ def explore(
     pose: Pose,
     settings: ExplorerParameters,
     box_deg: tuple[float, float] = (-25.0, 25.0),
+    keep_out: Sequence[Volume] = (),
 ) -> Step:
     """The next stop. `memory` is None at the first call, `pose` the measured pose the views were taken at; `box_deg`
     are the bearings between which the target lies at the first call. Level views make the map, all of them tell where
-    there is room.
+    there is room. No way leads into what is to be kept out of (`keep_out`).
 
     Raises NoFacade where the first call has no wall in front of it.
     """
@@ -113,7 +117,8 @@ def explore(
     body = settings.drone_radius_m + settings.clearance_m
     near = nearby_cloud(views, settings.l_max_m + body, body, pose.z)
     aside = seen_aside_deg([view.camera for view in views])
-    decision, memory = _decide(memory, Now(scan, target, near, views, aside), settings)
+    kept_out = path.cells_within(grid, at_height(keep_out, pose.z, body))
+    decision, memory = _decide(memory, Now(scan, target, near, views, aside, kept_out), settings)
     return Step(decision, memory, facade.inspected_share(grid, target, seen), target, seen)
 
 
@@ -147,7 +152,7 @@ def _decide(memory: Memory, now: Now, settings: ExplorerParameters) -> tuple[Dec
     cut's end, the cut is lifted first; then given-up pieces are taken up again, then the search is done."""
     pose, grid, target = now.scan.pose, memory.map, now.target
     room = Room(now.near, now.views)
-    clear, walls = path.clearance_m(grid), _cut_cells(memory, settings)
+    clear, walls = path.clearance_m(grid, now.keep_out), _cut_cells(memory, settings)
     for _ in range(_MOST_PLANS):
         # when all that matters is seen, the little pieces get their look as well
         left = facade.unseen(grid, target, settings, _LEAST_PATCH_M if memory.relaxed else None)

@@ -1,6 +1,7 @@
 """Ways over the map: what is blocked, how far everything is, what of the facade a place would see."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -35,6 +36,7 @@ _STEPS = [
 _OFFSETS = np.array([down * _WIDE + right for down, right in _STEPS], np.intp)
 _LENGTHS_M = np.array([math.hypot(down, right) * NODE_M for down, right in _STEPS])
 _SIGHT_SAMPLES = 16
+_SUBPIXEL_BITS = 4
 _FAR_M = 20.0
 MAX_PLACES = 192
 MAX_PIECES = 256
@@ -48,15 +50,27 @@ class Reach(NamedTuple):
     parent: NDArray[np.intp]
 
 
-def clearance_m(grid: Map) -> Floats:
-    """(SIZE, SIZE) distance of each cell to the nearest that stands in the drone's way; the map's width where that is
-    farther than 20 m."""
+def clearance_m(grid: Map, keep_out: Bools | None = None) -> Floats:
+    """(SIZE, SIZE) distance of each cell to the nearest that stands in the drone's way or is to be kept out of; the
+    map's width where that is farther than 20 m."""
     clear = np.full((SIZE, SIZE), SIZE * CELL_M)
     standing = (grid.state == OCCUPIED) | grid.body
+    if keep_out is not None:
+        standing |= keep_out
     part = part_about(standing, round(_FAR_M / CELL_M))
     if clear[part].size:
         clear[part] = _away_m(standing[part])
     return clear
+
+
+def cells_within(grid: Map, outlines: Sequence[Sequence[tuple[float, float]]]) -> Bools:
+    """(SIZE, SIZE) the cells that lie at least in part within any of the outlines, ENU plan points."""
+    within = np.zeros((SIZE, SIZE), np.uint8)
+    for outline in outlines:
+        columns_rows = (np.array(outline) - (grid.west_m, grid.south_m)) / CELL_M - 0.5
+        corners = np.rint(columns_rows * (1 << _SUBPIXEL_BITS)).astype(np.int32)
+        cv2.fillPoly(within, [corners], 1, shift=_SUBPIXEL_BITS)
+    return within > 0
 
 
 def wall_from(grid: Map, x: float, y: float, along: tuple[float, float], length_m: float, half_width_m: float) -> Bools:

@@ -30,7 +30,7 @@ from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion
 from service_kit.json_route import JsonRoute
 from services.depth_assist.explorer import next_step
-from services.depth_assist.views import ahead, checked, depth_views, front_rows, level, slice_means
+from services.depth_assist.views import ahead, checked, depth_views, front_rows, level, slice_means, volumes
 
 Q = TypeVar("Q", bound=BaseModel)
 A = TypeVar("A", bound=BaseModel)
@@ -142,7 +142,8 @@ def plan_approach(question: ApproachQuestion) -> ApproachAnswer:
     view, *others = depth_views(views, asked.sensor_range_m)
     box = Box(question.box.x_min, question.box.y_min, question.box.x_max, question.box.y_max)
     pose = Pose(question.pose.x, question.pose.y, question.pose.z, question.pose.yaw)
-    found = approach.plan_approach(view, others, box, pose, settings, question.max_leg_m)
+    kept_out = volumes(question.keep_out)
+    found = approach.plan_approach(view, others, box, pose, settings, question.max_leg_m, kept_out)
     if found.target is None:
         return ApproachAnswer(status="no_depth")
     return ApproachAnswer(

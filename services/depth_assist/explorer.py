@@ -14,7 +14,7 @@ from navigation.explorer.explore import Memory, NoFacade, Step, explore
 from navigation.explorer.map import CELL_M, SIZE, Bools, Map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
 from service_kit.errors import BadQuestion
-from services.depth_assist.views import camera_of
+from services.depth_assist.views import camera_of, volumes
 
 AHEAD_DEG = 25.0
 _EDGE_DEG = 1.0
@@ -35,7 +35,8 @@ def next_step(question: ExploreQuestion, views: list[DepthView], front: RigCamer
         )
     settings = ExplorerParameters(**question.settings.model_dump())
     try:
-        step = explore(memory, views, pose, settings, _bearings(question.building_box, front))
+        box_deg = _bearings(question.building_box, front)
+        step = explore(memory, views, pose, settings, box_deg, volumes(question.keep_out))
     except NoFacade as error:
         raise BadQuestion(str(error), code="no_facade") from None
     return _answer(step)

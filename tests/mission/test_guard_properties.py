@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from contracts.cameras import Camera
 from contracts.flight_limits import FlightLimits
-from contracts.geometry import Point3, Pose
+from contracts.geometry import Point2, Point3, Pose
+from contracts.keep_out import KeepOut
 from contracts.vehicle import Move
 from mission.frames import FINAL, FlightRefused
 from mission.guard import guarded
@@ -43,6 +44,27 @@ STEPS = st.builds(
     st.floats(0.0, 12.0),
     st.floats(-math.pi, math.pi),
     st.one_of(st.just(0.0), st.floats(-4.0, 8.0)),
+)
+KEEP_OUT = st.lists(
+    st.builds(
+        lambda x, y, width, depth, low, tall: KeepOut(
+            name="wire",
+            outline=tuple(
+                Point2(x=x + i * width, y=y + j * depth)
+                for i, j in ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+            ),
+            min_height_m=low,
+            max_height_m=low + tall,
+        ),
+        st.floats(-9.0, 9.0),
+        st.floats(-18.0, -4.0),
+        st.floats(0.5, 4.0),
+        st.floats(0.5, 2.0),
+        st.floats(-1.0, 6.0),
+        st.floats(0.1, 6.0),
+    ),
+    min_size=1,
+    max_size=3,
 )
 PLANS = st.lists(st.tuples(st.lists(STEPS, max_size=3), st.floats(-3.0, 3.0)), min_size=1, max_size=4)
 FAULTS = st.sampled_from(["none", "none", "invalid", "half", "specks", "sky"])
@@ -82,7 +104,8 @@ class FaultyBlock(Block):
         return depth
 
 
-async def _fly(house: Block, limits: FlightLimits, plans: list, faults: list[str]) -> None:
+async def _fly(house: Block, limits: FlightLimits, plans: list, faults: list[str]) -> list[tuple[float, float, float]]:
+    """The places flown through."""
     vehicle = FaultyDepth(house, faults)
     guard = await guarded(vehicle, limits, None)
     home = house.start
@@ -100,11 +123,32 @@ async def _fly(house: Block, limits: FlightLimits, plans: list, faults: list[str
     assert not vehicle.collided
     assert all(house.distance(*place) >= RADIUS_M for place in vehicle.places)
     if vehicle.pose.z < 0.8:
-        return  # it has landed
+        return vehicle.places  # it has landed
     for x, y, z in vehicle.places:
         assert math.hypot(x - home.x, y - home.y) <= limits.geofence_m + 1e-6
         assert z >= min(limits.min_height_m, home.z) - 1e-6
         assert z <= max(home.z, min(limits.max_height_m, max(house.top, home.z) + limits.roof_margin_m)) + 1e-6
+    return vehicle.places
+
+
+@settings(max_examples=60, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@given(HOUSES, LIMITS, KEEP_OUT, PLANS)
+def test_no_plan_leads_into_a_volume_to_keep_out_of(
+    house: Block, limits: FlightLimits, keep_out: list[KeepOut], plans: list
+) -> None:
+    room_m = RADIUS_M + limits.min_clearance_m
+    start = house.start
+    apart = tuple(v for v in keep_out if _away_m(v, (start.x, start.y, start.z)) > room_m)
+    places = asyncio.run(_fly(house, limits.tightened(FlightLimits(keep_out=apart)), plans, ["none"]))
+    assert all(_away_m(volume, place) >= room_m - 1e-6 for volume in apart for place in places)
+
+
+def _away_m(box: KeepOut, place: tuple[float, float, float]) -> float:
+    """From a box to a place, the least of level and upright; 0 within."""
+    xs, ys = zip(*box.corners, strict=True)
+    x, y, z = place
+    level = math.hypot(max(min(xs) - x, x - max(xs), 0.0), max(min(ys) - y, y - max(ys), 0.0))
+    return max(level, box.min_height_m - z, z - box.max_height_m)
 
 
 CUT = (

@@ -8,6 +8,7 @@ import pytest
 
 from navigation.approach import Approach, plan_approach
 from navigation.camera import DepthView, Place, Pose, pinhole
+from navigation.keep_out import Volume, entered
 from navigation.railings import RAILING_M
 from navigation.target import Box, TargetParameters, box_place, facade_normal, locate
 from tests.navigation import usual
@@ -45,6 +46,24 @@ def _assert_flies_clear(world: World, pose: Pose, approach: Approach, room_m: fl
     places = [Place(*pose[:3]), *approach.path]
     for a, b in pairwise(places):
         assert world.gap_m(np.linspace(np.array(a), np.array(b), 100)).min() >= room_m
+
+
+def test_a_way_leads_round_a_volume_to_keep_out_of_and_none_into_it() -> None:
+    pose, view = Pose(1.0, -12.0, 8.3, NORTH), World([WALL, POT]).views(Pose(1.0, -12.0, 8.3, NORTH), CAMERA)
+    box = _box(pose, 0, Place(0.7, -0.3, 8.0), Place(1.3, -0.3, 8.6))
+    others = [view[h] for h in HEADINGS if h != 0]
+
+    def way(west: float, east: float) -> Approach:
+        wire = Volume("wire", ((west, -7.5), (east, -7.5), (east, -6.5), (west, -6.5)), 7.0, 9.5)
+        found = plan_approach(view[0], others, box, pose, STOPS_AT_2_M, 40.0, [wire])
+        corners = [Place(*pose[:3]), *found.path]
+        assert all(entered(a, b, [wire], 0.5) is None for a, b in pairwise(corners))
+        return found
+
+    aside = way(-0.5, 2.0)
+    assert aside.reached
+    assert len(aside.path) == 2
+    assert way(-40.0, 40.0).status == "blocked"
 
 
 def test_the_boxs_middle_has_a_height_above_ground() -> None:

@@ -10,6 +10,7 @@ from navigation.camera import DepthView, Pose, pinhole
 from navigation.explorer import map_codec
 from navigation.explorer.explore import CUT_LIFTED, NoFacade, explore
 from navigation.explorer.map import CELL_M, OCCUPIED
+from navigation.keep_out import Volume
 from tests.load.explorer_study import Flight, contour, figures, fly, paper
 from tests.navigation import usual
 from tests.navigation.explorer_worlds import make_task
@@ -137,6 +138,19 @@ def test_without_room_for_the_body_it_does_not_fly() -> None:
     decision = explore(None, _views(HERE, tight), HERE, usual.EXPLORER).decision
     assert decision.status == "done"
     assert "can't be reached" in decision.reason
+
+
+def test_no_stop_lies_in_or_behind_a_volume_to_keep_out_of() -> None:
+    free = explore(None, _views(), HERE, usual.EXPLORER).decision
+    wires = [
+        Volume("wire", ((x - 0.1, -40.0), (x + 0.1, -40.0), (x + 0.1, 40.0), (x - 0.1, 40.0)), 6.0, 9.0)
+        for x in (-3.0, 3.0)
+    ]
+    assert abs(free.place[0]) > 3.0
+    kept_out = explore(None, _views(), HERE, usual.EXPLORER, keep_out=wires).decision
+    assert abs(kept_out.place[0]) < 2.5
+    above = [wire._replace(floor_m=12.0, ceiling_m=13.0) for wire in wires]
+    assert explore(None, _views(), HERE, usual.EXPLORER, keep_out=above).decision == free
 
 
 def test_views_that_are_all_invalid_do_not_break_a_search_under_way() -> None:

@@ -1,0 +1,62 @@
+"""Who walks or drives by is waited for, and flown over: the flight guard's part, and the way over them."""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+
+from contracts.geometry import Point3, Pose
+from contracts.vehicle import MAX_PATH_POINTS, Move
+from mission.frames import FlightRefused
+from mission.guard_looks import GuardLooks
+from mission.places import above
+from mission.state import PlannedFlight
+from navigation import passers_by
+from navigation.camera import Place
+from navigation.camera import Pose as FlownPose
+
+WAIT_S = 12.0
+"""So long somebody who walks by is waited for; at 1.3 m/s they have gone 16 m."""
+LOOK_EVERY_S = 0.1
+CLEAR_LOOKS = 3
+"""After a wait so many looks in a row must show nobody."""
+OVER_M = 0.1
+"""So far beyond their reach, for measured heights are not exact."""
+
+
+async def let_pass(
+    path: Sequence[Place],
+    pose: FlownPose,
+    speed_m_s: float,
+    seen: GuardLooks,
+    look: Callable[[bool], Awaitable[float]],
+    *,
+    rises: bool,
+) -> float:
+    """Looks anew before a flight where anybody could walk, once somebody has, and waits until nobody can come into the
+    way; tells how long that took, seconds. `look` adds a look to those `seen`, or takes one instead of the last, and
+    tells when that was. Raises FlightRefused (passer_by) where somebody still could after a while, or, where the drone
+    can wait out of reach (`rises`), at once; PortError."""
+    if not seen.passers_by or not passers_by.goes_low(path, pose, seen.low_m):
+        return 0.0
+    begun_s = looked_s = await look(False)
+    clear = 0
+    while True:
+        near = passers_by.in_the_way(path, pose, speed_m_s, seen.low_m, seen.movers())
+        clear = clear + 1 if near is None else 0
+        waited_s = looked_s - begun_s
+        if clear >= CLEAR_LOOKS or (clear and looked_s == begun_s):
+            return waited_s
+        if near is not None and (rises or waited_s > WAIT_S):
+            said = f"somebody walks or drives by, {near.away_m:.1f} m from the way"
+            raise FlightRefused("passer_by", said, Point3(x=near.at.x, y=near.at.y, z=near.at.z))
+        await asyncio.sleep(LOOK_EVERY_S)
+        looked_s = await look(True)
+
+
+def way_over(flight: PlannedFlight, pose: Pose, low_m: float) -> tuple[PlannedFlight, PlannedFlight]:
+    """Straight up out of reach, and from there over them to the flight's end."""
+    over_m, path = low_m + OVER_M, flight.move.path
+    up = PlannedFlight(move=Move(path=(above(pose, over_m),), yaw=pose.yaw), why="up out of reach of who walks by")
+    over = tuple(corner.model_copy(update={"z": max(corner.z, over_m)}) for corner in path)
+    down = path[-1:] if path[-1].z < over_m else ()
+    move = flight.move.model_copy(update={"path": (*over, *down)[-MAX_PATH_POINTS:]})
+    return up, flight.model_copy(update={"move": move})

@@ -1,0 +1,24 @@
+"""Settings that name a TOML file, read at the start."""
+
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from contracts.errors import first_problem
+from service_kit.settings import BadSetting
+
+T = TypeVar("T", bound=BaseModel)
+
+
+def read_toml(variable: str, path: Path, wanted: type[T]) -> T:
+    """What the file that `variable` names holds. Raises BadSetting with one line that says what is wrong."""
+    try:
+        return wanted.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise BadSetting(f"{variable}={path}: {error.strerror}; name a readable file") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise BadSetting(f"{variable}={path}: not TOML: {error}") from None
+    except ValidationError as error:
+        raise BadSetting(f"{variable}={path}: {first_problem(error)}") from None

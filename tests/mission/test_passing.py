@@ -1,0 +1,136 @@
+"""People who walk where a drone flies low: it waits for them, or flies over their heads."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from contracts.flight_limits import FlightLimits
+from contracts.geometry import Point3, Pose
+from contracts.orchestrator import MissionSettings
+from contracts.sim import EpisodeQuestion
+from contracts.vehicle import Move, Observation
+from mission import passing
+from mission.frames import FlightRefused
+from mission.guard import GuardedVehicle
+from mission.mission import Mission
+from mission.passing import OVER_M, way_over
+from mission.state import GuardMemory, PlannedFlight
+from tests.mission.block import Block
+from tests.mission.block_vehicle import BlockVehicle, BlockWorld
+from tests.mission.box_world import RIG, block_placement, block_ports
+from tests.mission.test_mission import Events
+
+LOOK_S = 0.4
+WAIT_S = 8.0
+LOW_M = 2.7
+WALK = 0.52
+"""Metres a look."""
+Walk = Callable[[int], float]
+"""How far east somebody is at a look."""
+
+
+def person(x: float, y: float = -10.0) -> Block:
+    return Block(x0=x - 0.25, x1=x + 0.25, y0=y - 0.25, y1=y + 0.25, floors=1, floor_height_m=1.75)
+
+
+class Street(BlockVehicle):
+    """Somebody walks along 4 m before the house; time goes on with looks alone."""
+
+    walk: Walk = staticmethod(lambda look: 0.0)
+
+    async def observe(self, cameras=None, *, depth: bool = True) -> Observation:
+        self.block = replace(self.block, neighbour=person(self.walk(self.looks)))
+        seen = await super().observe(cameras, depth=depth)
+        return seen.model_copy(update={"time_s": self.looks * LOOK_S})
+
+
+@pytest.fixture(autouse=True)
+def no_time_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(passing, "LOOK_EVERY_S", 0.0)
+    monkeypatch.setattr(passing, "WAIT_S", WAIT_S)
+
+
+async def street(z: float, walk: Walk) -> tuple[Street, GuardedVehicle]:
+    """A drone that has looked twice."""
+    vehicle = Street(Block(start=Pose(x=0.0, y=-15.0, z=z, yaw=1.57)), "e1", RIG)
+    vehicle.walk = walk
+    guard = GuardedVehicle(vehicle, await vehicle.connect(), FlightLimits(), GuardMemory(home=vehicle.pose))
+    await guard.observe()
+    await guard.observe()
+    return vehicle, guard
+
+
+def to(z: float) -> Move:
+    return Move(path=(Point3(x=0.0, y=-11.0, z=z),))
+
+
+async def test_from_above_a_drone_waits_until_nobody_could_come_into_its_way_down() -> None:
+    vehicle, guard = await street(3.0, lambda look: -1.5 + 1.0 * (look > 0) + WALK * look)
+    assert guard.memory.passers_by
+    assert (await guard.fly(1, to(1.5))).reached
+    assert guard.waited_s > 0.5
+    assert vehicle.walk(vehicle.looks) > 4.0
+
+
+async def test_who_never_goes_away_is_waited_for_so_long_and_no_longer() -> None:
+    vehicle, guard = await street(3.0, lambda look: 1.0 if look % 2 else -1.0)
+    with pytest.raises(FlightRefused, match="walks or drives by") as refused:
+        await guard.fly(1, to(1.5))
+    assert refused.value.reason == "passer_by"
+    assert not refused.value.final
+    assert vehicle.looks <= WAIT_S / LOOK_S + 5
+    assert vehicle.pose.z == 3.0
+
+
+async def test_a_low_drone_does_not_wait_in_their_reach_where_it_can_rise() -> None:
+    vehicle, guard = await street(1.5, lambda look: 1.0 if look else -1.0)
+    assert guard.low_m == pytest.approx(LOW_M)
+    with pytest.raises(FlightRefused, match="walks or drives by"):
+        await guard.fly(1, to(1.5))
+    assert vehicle.looks == 3
+    assert (await guard.fly(1, Move(path=(Point3(x=0.0, y=-15.0, z=2.8),)))).reached
+
+
+async def test_over_their_heads_it_flies_at_once() -> None:
+    vehicle, guard = await street(3.0, lambda look: 1.0 if look else -1.0)
+    assert (await guard.fly(1, to(3.0))).reached
+    assert vehicle.looks == 2
+
+
+async def test_where_nobody_moves_no_flight_waits_and_no_look_is_added() -> None:
+    vehicle, guard = await street(1.5, lambda look: 3.0)
+    assert not guard.memory.passers_by
+    assert (await guard.fly(1, to(1.5))).reached
+    assert (vehicle.looks, guard.waited_s) == (2, 0.0)
+
+
+def test_the_way_over_them_goes_up_across_and_down_at_its_end() -> None:
+    pose = Pose(x=0.0, y=0.0, z=1.5, yaw=0.3)
+    low = PlannedFlight(
+        move=Move(path=(Point3(x=4.0, y=0.0, z=1.5), Point3(x=4.0, y=3.0, z=2.0)), yaw=1.0), why="leg 1"
+    )
+    up, over = way_over(low, pose, LOW_M)
+    over_m = LOW_M + OVER_M
+    assert [(p.x, p.y, p.z) for p in up.move.path] == [(0.0, 0.0, over_m)]
+    assert [(p.x, p.y, p.z) for p in over.move.path] == [(4.0, 0.0, over_m), (4.0, 3.0, over_m), (4.0, 3.0, 2.0)]
+    assert (over.move.yaw, over.why) == (1.0, "leg 1")
+
+
+class BusyWorld(BlockWorld):
+    """Its drone flies in a street with somebody who walks there and back before the house."""
+
+    async def begin(self, question: EpisodeQuestion) -> BlockVehicle:
+        if not self.vehicles:
+            await super().begin(question)
+            vehicle = self.vehicles["e1"] = Street(self.block, "e1", question.rig)
+            vehicle.walk = lambda look: abs((WALK * look) % 24.0 - 12.0) - 6.0
+        return await self.resume("e1")
+
+
+async def test_a_mission_to_the_ground_floor_goes_on_above_the_heads_and_says_so() -> None:
+    world, log = BusyWorld(Block(thing=(3.0, -6.2, 1.5), start=Pose(x=0.0, y=-15.0, z=1.5, yaw=1.57))), Events()
+    placement = block_placement(world)
+    result = await Mission(block_ports(world), placement, MissionSettings(), log).fly("floor 1, the green flower pot")
+    assert result.outcome == "delivered"
+    assert any("on above them" in event.message for event in log)
