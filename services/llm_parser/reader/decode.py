@@ -28,8 +28,10 @@ _COLOUR_BEHIND = re.compile(
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
 _ARTICLE_BEFORE = re.compile(r"\b(?:a|an|one|\d+)\s+$", re.IGNORECASE)
-_NO_NOUNS = "ones?|kind|type|sort|model|version|variety|colou?r|they|it|he|she|we|you|i"
-_NOUN_BEHIND = re.compile(rf"\s+(?!(?:{_NO_NOUNS})\b)([^\W\d_]+)", re.IGNORECASE)
+_NO_NOUNS = """ones? kind type sort model version variety colou?r they it he she we you i not too please now here there
+after before but because since so if when where while as than then against behind beside under above over near next like
+until up down out"""
+_NOUN_BEHIND = re.compile(rf"\s+(?!(?:{'|'.join(_NO_NOUNS.split())})\b)([^\W\d_]+)", re.IGNORECASE)
 _FLOOR_WORDS = re.compile(
     r"(?:[\s,;:.()-]|\b(?:and|on|at|in|the|is|it'?s|our|my|floor|flr|fl|level|lvl|storey|story|no|number)\b)*$",
     re.IGNORECASE,
