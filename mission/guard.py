@@ -6,7 +6,6 @@ name. Of what it remembers the mission's state keeps `GuardMemory`; whoever carr
 flies.
 """
 
-import math
 import time
 from collections.abc import Callable, Sequence
 
@@ -18,13 +17,13 @@ from contracts.vehicle import MAX_PATH_POINTS, Move, MoveResult, Observation, Ve
 from mission.endurance import left_s
 from mission.frames import FINAL, FlightRefused
 from mission.guard_looks import HERE_M, GuardLooks
-from mission.passing import OVER_M, let_pass
-from mission.places import distance_m, point_of
+from mission.passing import OVER_M, Wait
+from mission.places import distance_m, path_m, point_of
 from mission.ports import ServiceRefused
 from mission.state import GuardMemory
 from mission.vehicle import Progress, Vehicle
 from navigation import guard, passers_by
-from navigation.airspace import Space
+from navigation.airspace import Refusal, Space
 from navigation.camera import Place
 from navigation.camera import Pose as FlownPose
 from navigation.keep_out import Volume
@@ -75,8 +74,7 @@ class GuardedVehicle:
     @property
     def ceiling_m(self) -> float:
         """How high it may fly here, above ground: so far above what stands beside it, as depth has shown it."""
-        top = max(self._home.z, self._seen.top_m if self._seen.top_m is not None else 0.0)
-        return min(self.limits.max_height_m, top + self.limits.roof_margin_m)
+        return min(self.limits.max_height_m, max(self._home.z, self._seen.top_m or 0.0) + self.limits.roof_margin_m)
 
     @property
     def looks(self) -> Sequence[guard.Look]:
@@ -174,6 +172,14 @@ class GuardedVehicle:
         """May it climb there, as far as depth has shown?"""
         return guard.column_is_open(place, to_m, self._seen.all)
 
+    @property
+    def can_rise(self) -> bool:
+        """May it climb out of reach of who walks by, whoever stands beside it?"""
+        if not self._seen.all:
+            return True  # it looks before it flies
+        here = self._seen.all[-1].pose
+        return guard.column_is_open(Place(here.x, here.y, here.z), self.low_m + OVER_M, self._seen.standing())
+
     def column_looks_open(self, place: Place, to_m: float) -> bool:
         """The same of a place elsewhere, as it is seen from here."""
         return guard.column_looks_open(place, to_m, self._seen.all)
@@ -187,28 +193,43 @@ class GuardedVehicle:
             return
         up_m = move.path[0].z - state.pose.z
         if self._seen.must_look(state, self.limits.max_frame_age_s, climbs=up_m > HERE_M):
-            self._seen.remember(await self._vehicle.observe(), self._pose)
+            await self._look()
         if self._seen.frames.distrust is not None:
             raise self._seen.frames.distrust
         pose = FlownPose(state.pose.x, state.pose.y, state.pose.z, state.pose.yaw)
         path = [Place(p.x, p.y, p.z) for p in move.path]
-        self._check_path(path, pose)
-        rises = pose.z < self.low_m and self.column_is_open(Place(pose.x, pose.y, pose.z), self.low_m + OVER_M)
-        self.waited_s = await let_pass(path, pose, self._speed_m_s, self._seen, self._look_again, rises=rises)
-        if self.waited_s > 0.0:
-            self._check_path(path, pose)
+        if not (self._seen.passers_by and passers_by.goes_low(path, pose, self.low_m)):
+            await self._check(path, pose)
+            return
+        waits = Wait(self._seen, self._speed_m_s, self._look, lambda: pose.z < self.low_m and self.can_rise)
+        self.waited_s = await waits.let_pass(path, pose, lambda: self._check(path, pose))
 
-    def _check_path(self, path: Sequence[Place], pose: FlownPose) -> None:
-        """By what the looks so far have shown. Raises FlightRefused."""
-        flown = np.array([(c.x, c.y, c.z) for c in self._corners] or [(pose.x, pose.y, pose.z)])
-        refusal = guard.check(path, self._seen.all, flown, pose, self._space())
+    async def _check(self, path: Sequence[Place], pose: FlownPose) -> None:
+        """By what the looks so far have shown; before a refusal for which a look with part of the cameras may be the
+        reason, by one with all of them. Raises FlightRefused, PortError."""
+        refusal = self._refusal(path, pose)
+        if refusal is not None and not self._seen.whole and self._may_mend(refusal):
+            await self._look()
+            refusal = self._refusal(path, pose)
         if refusal is not None:
             raise FlightRefused(refusal.reason, refusal.said, Point3(x=refusal.at.x, y=refusal.at.y, z=refusal.at.z))
 
-    async def _look_again(self, instead: bool) -> float:
-        """One look more, or one instead of the last; when it was taken, seconds. Raises PortError."""
+    def _may_mend(self, refusal: Refusal) -> bool:
+        """May one look more clear the way? Not past what a sensor has shown that misses thin things."""
+        return refusal.reason == "unseen" or (refusal.reason == "clearance" and not self._seen.all[-1].misses_thin)
+
+    def _refusal(self, path: Sequence[Place], pose: FlownPose) -> Refusal | None:
+        flown = np.array([(c.x, c.y, c.z) for c in self._corners] or [(pose.x, pose.y, pose.z)])
+        out_of_reach = passers_by.rises(path, pose) and path[-1].z <= self.low_m + 2.0 * OVER_M
+        looks = self._seen.standing() if out_of_reach else self._seen.all
+        return guard.check(path, looks, flown, pose, self._space())
+
+    async def _look(self, *, instead: bool = False) -> float:
+        """One look more, or one instead of the last; when it was taken, seconds. Raises FlightRefused, PortError."""
         seen = await self._vehicle.observe()
         self._seen.remember(seen, self._pose, instead=instead)
+        if self._seen.frames.distrust is not None:
+            raise self._seen.frames.distrust
         return seen.time_s if seen.time_s is not None else self._clock()
 
     def _space(self) -> Space:
@@ -224,7 +245,7 @@ class GuardedVehicle:
             raise FlightRefused("health", f"the drone reports a problem: {', '.join(state.health.problems)}")
         if self._pose is not None and (jump_m := distance_m(self._pose, state.pose)) > limits.max_pose_jump_m:
             raise FlightRefused("pose_jump", f"the drone says that it is {jump_m:.1f} m from where it was left")
-        way_m = _path_m(state.pose, move.path)
+        way_m = path_m(state.pose, move.path)
         needed_s = self._seconds(way_m) + self._way_home_s()
         needs = f"a way of {way_m:.0f} m and the way home may take {needed_s:.0f} s"
         if state.flight_s + needed_s > limits.max_flight_s:
@@ -277,11 +298,3 @@ async def guarded(vehicle: Vehicle, limits: FlightLimits, memory: GuardMemory | 
         state = await vehicle.state()
         memory = GuardMemory(home=state.pose, charge=state.battery.remaining)
     return GuardedVehicle(vehicle, capabilities, limits, memory)
-
-
-def _path_m(start: Pose, path: Sequence[Point3]) -> float:
-    length, here = 0.0, (start.x, start.y, start.z)
-    for corner in path:
-        there = (corner.x, corner.y, corner.z)
-        length, here = length + math.dist(here, there), there
-    return length

@@ -45,7 +45,7 @@ class GuardLooks:
             return True
         then, here = self._looks[-1].pose, state.pose
         elsewhere = math.dist((then.x, then.y, then.z), (here.x, here.y, here.z)) > HERE_M
-        return elsewhere or (climbs and len(self._looks[-1].views) < self._cameras)
+        return elsewhere or (climbs and not self.whole)
 
     def remember(self, seen: Observation, expected: Pose | None, *, instead: bool = False) -> guard.Look | None:
         """One more look, or one instead of the last; null where it has no depth. `expected`: where the drone was
@@ -75,6 +75,15 @@ class GuardLooks:
         if (top_m := guard.top_beside_m(look)) is not None:
             self.top_m = max(top_m, self.top_m or 0.0)
         self.passers_by = self.passers_by or bool(self.movers())
+
+    @property
+    def whole(self) -> bool:
+        """Was the last look with all cameras?"""
+        return bool(self._looks) and len(self._looks[-1].views) >= self._cameras
+
+    def standing(self) -> Sequence[guard.Look]:
+        """The looks without who moves, where that can be told."""
+        return passers_by.without(self._looks, self.movers()) if self.passers_by and self.whole else self._looks
 
     def movers(self) -> list[passers_by.Mover]:
         """Who moves near a drone that is low or may come down, as the last look shows it."""

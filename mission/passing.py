@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import Awaitable, Callable, Sequence
+from typing import NamedTuple, Protocol
 
 from contracts.geometry import Point3, Pose
 from contracts.vehicle import MAX_PATH_POINTS, Move
@@ -22,34 +23,43 @@ OVER_M = 0.1
 """So far beyond their reach, for measured heights are not exact."""
 
 
-async def let_pass(
-    path: Sequence[Place],
-    pose: FlownPose,
-    speed_m_s: float,
-    seen: GuardLooks,
-    look: Callable[[bool], Awaitable[float]],
-    *,
-    rises: bool,
-) -> float:
-    """Looks anew before a flight where anybody could walk, once somebody has, and waits until nobody can come into the
-    way; tells how long that took, seconds. `look` adds a look to those `seen`, or takes one instead of the last, and
-    tells when that was. Raises FlightRefused (passer_by) where somebody still could after a while, or, where the drone
-    can wait out of reach (`rises`), at once; PortError."""
-    if not seen.passers_by or not passers_by.goes_low(path, pose, seen.low_m):
-        return 0.0
-    begun_s = looked_s = await look(False)
-    clear = 0
-    while True:
-        near = passers_by.in_the_way(path, pose, speed_m_s, seen.low_m, seen.movers())
-        clear = clear + 1 if near is None else 0
-        waited_s = looked_s - begun_s
-        if clear >= CLEAR_LOOKS or (clear and looked_s == begun_s):
-            return waited_s
-        if near is not None and (rises or waited_s > WAIT_S):
-            said = f"somebody walks or drives by, {near.away_m:.1f} m from the way"
-            raise FlightRefused("passer_by", said, Point3(x=near.at.x, y=near.at.y, z=near.at.z))
-        await asyncio.sleep(LOOK_EVERY_S)
-        looked_s = await look(True)
+class Look(Protocol):
+    """Takes one look more, or one `instead` of the last; tells when that was, seconds. Raises PortError."""
+
+    async def __call__(self, *, instead: bool = False) -> float: ...
+
+
+class Wait(NamedTuple):
+    """How who walks by is waited for. `seen`: the looks so far, to which `look` adds; `rises`: can the drone go up out
+    of their reach instead?"""
+
+    seen: GuardLooks
+    speed_m_s: float
+    look: Look
+    rises: Callable[[], bool]
+
+    async def let_pass(self, path: Sequence[Place], pose: FlownPose, check: Callable[[], Awaitable[None]]) -> float:
+        """Looks anew before a flight where anybody could walk, and waits until nobody can come into the way; tells how
+        long that took, seconds. `check`, by all else that looks show, comes before and after. Raises FlightRefused
+        (passer_by) where somebody still could after a while, or at once where the drone rises; PortError."""
+        begun_s = looked_s = await self.look()
+        await check()
+        clear = 0
+        while True:
+            near = passers_by.in_the_way(path, pose, self.speed_m_s, self.seen.low_m, self.seen.movers())
+            clear = clear + 1 if near is None else 0
+            waited_s = looked_s - begun_s
+            if near is not None and (waited_s > WAIT_S or self.rises()):
+                said = f"somebody walks or drives by, {near.away_m:.1f} m from the way"
+                raise FlightRefused("passer_by", said, Point3(x=near.at.x, y=near.at.y, z=near.at.z))
+            if clear and looked_s == begun_s:
+                return 0.0
+            if clear >= CLEAR_LOOKS:
+                break
+            await asyncio.sleep(LOOK_EVERY_S)
+            looked_s = await self.look(instead=True)
+        await check()
+        return waited_s
 
 
 def way_over(flight: PlannedFlight, pose: Pose, low_m: float) -> tuple[PlannedFlight, PlannedFlight]:

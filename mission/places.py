@@ -1,6 +1,8 @@
 """Places relative to the drone, and how they are told to people."""
 
 import math
+from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -54,3 +56,8 @@ def yaw_towards(place: Pose | Point3, target: Point3) -> float:
 
 def distance_m(a: Pose | Point3, b: Pose | Point3) -> float:
     return math.dist((a.x, a.y, a.z), (b.x, b.y, b.z))
+
+
+def path_m(start: Pose | Point3, path: Sequence[Point3]) -> float:
+    """The length of the straight legs from the start along the path, metres."""
+    return sum((distance_m(a, b) for a, b in pairwise((start, *path))), 0.0)

@@ -79,6 +79,24 @@ def in_the_way(path: Sequence[Place], pose: Pose, speed_m_s: float, low_m: float
     return None
 
 
+def without(looks: Sequence[Look], seen: Sequence[Mover]) -> list[Look]:
+    """The same looks without who moves, as the last one shows it, and without what earlier ones showed below head
+    height: what stands there still the last one shows as well. Nobody who walks by carries anything overhead."""
+    *earlier, last = looks
+    there = last.points
+    for mover in seen:
+        beside = np.hypot(there[:, 0] - mover.x, there[:, 1] - mover.y) <= mover.half_m + _ASIDE_M
+        there = there[~beside | (there[:, 2] >= HEAD_M)]
+    high = [look._replace(points=look.points[look.points[:, 2] >= HEAD_M]) for look in earlier]
+    return [*high, last._replace(points=there)]
+
+
+def rises(path: Sequence[Place], pose: Pose) -> bool:
+    """Does the way lead straight up?"""
+    end = path[-1]
+    return len(path) == 1 and end.z > pose.z and math.hypot(end.x - pose.x, end.y - pose.y) < _ASIDE_M
+
+
 def goes_low(path: Sequence[Place], pose: Pose, low_m: float) -> bool:
     """Does the way lead where they reach, but for straight up and out of there?"""
     straight_up = (

@@ -3,7 +3,6 @@
 from mission.passing import OVER_M
 from mission.places import above
 from mission.step import Step
-from navigation.camera import Place
 
 
 def rises_over_heads(step: Step) -> bool:
@@ -13,7 +12,7 @@ def rises_over_heads(step: Step) -> bool:
     low = vehicle.memory.passers_by and pose.z < vehicle.low_m
     if not low or state.refusals or state.looking is not None:
         return False
-    if not vehicle.column_is_open(Place(pose.x, pose.y, pose.z), over_m):
+    if not vehicle.can_rise:
         return False
     step.plan_flight((above(pose, over_m),), pose.yaw, "people or cars move here: on above them")
     return True

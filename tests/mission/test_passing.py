@@ -30,17 +30,18 @@ Walk = Callable[[int], float]
 """How far east somebody is at a look."""
 
 
-def person(x: float, y: float = -10.0) -> Block:
+def person(x: float, y: float) -> Block:
     return Block(x0=x - 0.25, x1=x + 0.25, y0=y - 0.25, y1=y + 0.25, floors=1, floor_height_m=1.75)
 
 
 class Street(BlockVehicle):
-    """Somebody walks along 4 m before the house; time goes on with looks alone."""
+    """Somebody walks along before the house; time goes on with looks alone."""
 
     walk: Walk = staticmethod(lambda look: 0.0)
+    y = -10.0
 
     async def observe(self, cameras=None, *, depth: bool = True) -> Observation:
-        self.block = replace(self.block, neighbour=person(self.walk(self.looks)))
+        self.block = replace(self.block, neighbour=person(self.walk(self.looks), self.y))
         seen = await super().observe(cameras, depth=depth)
         return seen.model_copy(update={"time_s": self.looks * LOOK_S})
 
@@ -51,10 +52,10 @@ def no_time_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(passing, "WAIT_S", WAIT_S)
 
 
-async def street(z: float, walk: Walk) -> tuple[Street, GuardedVehicle]:
-    """A drone that has looked twice."""
+async def street(z: float, walk: Walk, y: float = -10.0) -> tuple[Street, GuardedVehicle]:
+    """A drone that has looked twice at who walks along `y`."""
     vehicle = Street(Block(start=Pose(x=0.0, y=-15.0, z=z, yaw=1.57)), "e1", RIG)
-    vehicle.walk = walk
+    vehicle.walk, vehicle.y = walk, y
     guard = GuardedVehicle(vehicle, await vehicle.connect(), FlightLimits(), GuardMemory(home=vehicle.pose))
     await guard.observe()
     await guard.observe()
@@ -90,6 +91,26 @@ async def test_a_low_drone_does_not_wait_in_their_reach_where_it_can_rise() -> N
         await guard.fly(1, to(1.5))
     assert vehicle.looks == 3
     assert (await guard.fly(1, Move(path=(Point3(x=0.0, y=-15.0, z=2.8),)))).reached
+
+
+async def test_who_stands_right_beside_a_low_drone_does_not_keep_it_from_rising() -> None:
+    vehicle, guard = await street(1.5, lambda look: 1.0 if look else -1.0, y=-13.6)
+    with pytest.raises(FlightRefused, match="walks or drives by"):
+        await guard.fly(1, to(1.5))
+    up, _ = way_over(PlannedFlight(move=to(1.5), why="on"), vehicle.pose, guard.low_m)
+    assert guard.can_rise
+    assert (await guard.fly(1, up.move)).reached
+
+
+async def test_where_a_look_ahead_alone_shows_no_way_the_guard_looks_with_all_cameras_before_it_refuses() -> None:
+    vehicle = Street(Block(start=Pose(x=0.0, y=-15.0, z=3.0, yaw=1.57)), "e1", RIG)
+    guard = GuardedVehicle(vehicle, await vehicle.connect(), FlightLimits(), GuardMemory(home=vehicle.pose))
+    await guard.observe(["front"])
+    aside = Move(path=(Point3(x=4.0, y=-15.0, z=3.0),), yaw=1.57)
+    assert (await guard.fly(1, aside)).reached
+    assert vehicle.looks == 2
+    with pytest.raises(FlightRefused, match="nobody has seen"):
+        await guard.fly(2, Move(path=(Point3(x=4.0, y=-30.0, z=3.0),)))
 
 
 async def test_over_their_heads_it_flies_at_once() -> None:
