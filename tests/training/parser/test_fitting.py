@@ -37,11 +37,21 @@ def test_a_short_training_ends_in_a_reader_that_answers(tmp_path: Path, monkeypa
     save_small(base / "minilm", ["[PAD]", "[UNK]", "[CLS]", "[SEP]", *WORDS, "[MASK]"])
     (base / LIST).write_text("the 3\nfloor 2\npot 1\n")
     out = tmp_path / "out"
-    fit_and_export(argparse.Namespace(base=base, out=out, without=["k"], epochs=1, seed=0, threads=1))
+    plain = {"base": base, "without": ["k"], "epochs": 1, "seed": 0, "threads": 1}
+    kept = tmp_path / "kept"
+    fit_and_export(argparse.Namespace(**plain, out=out, keep=kept, go_on=None, rates=1.0, twice=[]))
     answer = ReaderParser(ReaderModel(out)).read(ParseQuestion(request="the red pot on floor 4"))
     assert answer.model == "reader"
     assert [e.author for e in read_examined(out / FIGURES)] == ["k"] * 30
     assert set(json.loads((out / HISTORY).read_text())) == {"mpnet", "minilm"}
+
+    again = tmp_path / "again"
+    fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=kept, rates=0.0, twice=["l"]))
+    assert read_examined(again / FIGURES) == read_examined(out / FIGURES)  # at a rate of 0 it is what was kept
+    assert [r["twice"] for r in json.loads((again / "about.json").read_text())["rounds"]] == [[], ["l"]]
+    (kept / "mpnet.pt").write_bytes((kept / "minilm.pt").read_bytes())
+    with pytest.raises(ValueError, match=r"mpnet\.pt holds no network of this kind"):
+        fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=kept, rates=0.0, twice=[]))
 
 
 def save_small(folder: Path, words: list[str]) -> None:
