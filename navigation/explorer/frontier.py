@@ -70,7 +70,7 @@ def guesses(grid: Map, scan: Scan, walls: Walls, target: Bools, settings: Explor
         if len(members) < _FEW or 2 * int(ours[members].sum()) < len(members):
             continue
         for end, step in ((int(members[-1]), 1), (int(members[0]), -1)):
-            guess = _beyond(scan, walls, points, ours, members, end, step, settings)
+            guess = _beyond(grid, scan, walls, points, ours, members, end, step, settings)
             if guess is not None:
                 ends.append(points[end])
                 yield guess
@@ -154,6 +154,7 @@ def _outside(grid: Map, target: Bools, pose: Pose, rows: Cells, columns: Cells) 
 
 
 def _beyond(
+    grid: Map,
     scan: Scan,
     walls: Walls,
     points: Floats,
@@ -163,7 +164,8 @@ def _beyond(
     step: int,
     settings: ExplorerParameters,
 ) -> Guess | None:
-    """What to expect beyond one end of a run, by what the neighbouring ray sees."""
+    """What to expect beyond one end of a run, by what the neighbouring ray sees. Where that is unknown, the wall may go
+    straight on; where it was looked for there in vain, it ends."""
     inner = _window_inside(points, members, end, step, max(0.9, 0.05 * float(scan.range_m[end])))
     normal = walls.normal[inner]
     along = np.array((-normal[1], normal[0]))
@@ -177,10 +179,13 @@ def _beyond(
     if bridged is not None:
         return Guess(start, ahead, face, bridged, settings.bridge_m)
     beside = end + step
-    beyond_view = not 0 <= beside < BINS or np.isnan(scan.range_m[beside])
-    at_reach = float(scan.range_m[end]) > _AT_REACH * float(scan.reach_m[beside]) if not beyond_view else False
-    if beyond_view or at_reach or scan.range_m[end] > settings.map_range_m:
-        return Guess(start, ahead, face, settings.straight_on_m, 0.0)
+    in_view = 0 <= beside < BINS
+    unknown = in_view and bool(np.isnan(scan.range_m[beside]))
+    at_reach = in_view and float(scan.range_m[end]) > _AT_REACH * float(scan.reach_m[beside])
+    if not in_view or unknown or at_reach or scan.range_m[end] > settings.map_range_m:
+        on = Guess(start, ahead, face, settings.straight_on_m, 0.0)
+        if not unknown or not _in_vain(grid, on):
+            return on
     if scan.range_m[beside] < scan.range_m[end]:  # something nearer hides the rest
         return Guess(start, ahead, face, settings.straight_on_m, 0.0)
     hidden_m = settings.hidden_face_m
@@ -190,6 +195,24 @@ def _beyond(
             return None
     corner = (start[0] + ahead[0] * CELL_M / 2, start[1] + ahead[1] * CELL_M / 2)
     return Guess(corner, (-face[0], -face[1]), ahead, hidden_m, _FREE_END_M)
+
+
+def _in_vain(grid: Map, guess: Guess) -> bool:
+    """Is most of what that guess expects free, or was it or a cell beside it looked for already?"""
+    cells = cells_of(grid, _line(guess))
+    rows, columns = np.divmod(cells[cells >= 0], SIZE)
+    tried = grid.state[rows, columns] == FREE
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            tried |= grid.attempts[np.clip(rows + down, 0, SIZE - 1), np.clip(columns + right, 0, SIZE - 1)] > 0
+    return 2 * int(tried.sum()) > len(tried)
+
+
+def _line(guess: Guess) -> Floats:
+    """(N, 2) places along what is expected."""
+    steps = np.arange(CELL_M, guess.length_m + 1e-9, CELL_M / 2)
+    line: Floats = np.array(guess.start) + steps[:, None] * np.array(guess.along)
+    return line
 
 
 def _edges(scan: Scan, ours: Bools) -> list[tuple[int, int]]:
@@ -257,9 +280,8 @@ def _bridge(
 
 
 def _draw(grid: Map, guess: Guess, target: Bools, settings: ExplorerParameters) -> None:
-    steps = np.arange(CELL_M, guess.length_m + 1e-9, CELL_M / 2)
-    places = np.array(guess.start) + steps[:, None] * np.array(guess.along)
-    cells = cells_of(grid, places)
+    cells = cells_of(grid, _line(guess))
+    steps = CELL_M + np.arange(len(cells)) * CELL_M / 2
     state = grid.state.reshape(-1)[np.maximum(cells, 0)]
     stopped = (cells < 0) | ((state == FREE) & (steps > guess.through_free_m))
     past = int(stopped.argmax()) if stopped.any() else len(cells)

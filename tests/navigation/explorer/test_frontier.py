@@ -18,8 +18,14 @@ SETTINGS = usual.EXPLORER
 HOUSE = Prism(rectangle(0.0, 14.0, 16.0, 10.0))
 
 
-def _looked(*prisms: Prism, pose: Pose = HERE, grid: Map | None = None) -> tuple[Map, list[Guess]]:
-    scan = panorama(list(World(prisms).views(pose, pinhole(300, 24, 90.0)).values()), pose, 0.5, 1.2)
+def _looked(
+    *prisms: Prism, pose: Pose = HERE, grid: Map | None = None, beyond: float = math.inf
+) -> tuple[Map, list[Guess]]:
+    """`beyond`: what a pixel says that shows nothing."""
+    views = list(World(prisms).views(pose, pinhole(300, 24, 90.0)).values())
+    for view in views:
+        view.depth_m[np.isinf(view.depth_m)] = beyond
+    scan = panorama(views, pose, 0.5, 1.2)
     walls = read_walls(scan, SETTINGS)
     grid = grid or empty_map(0.0, 0.0)
     carve(grid, scan)
@@ -44,6 +50,21 @@ def test_a_hidden_face_is_expected_behind_each_edge() -> None:
     assert len(places) > 20
     assert (np.abs(np.abs(places[:, 0]) - 8.2) < 0.8).all()
     assert (places[:, 1] > 9.0).all()
+
+
+def test_where_nothing_is_known_past_an_edge_a_wall_goes_on_until_it_was_looked_for_in_vain() -> None:
+    """Under the eaves of a pagoda a stereo camera tells no air past the corner."""
+    grid, found = _looked(HOUSE, beyond=math.nan)
+    on = [g for g in found if abs(g.along[0]) > 0.95]
+    assert sorted(round(g.along[0]) for g in on) == [-1, 1]
+    assert all(g.length_m == SETTINGS.straight_on_m for g in on)
+    places = _expected(grid)
+    assert ((np.abs(places[:, 0]) > 8.5) & (np.abs(places[:, 1] - 9.0) < 1.0)).sum() >= 10
+    grid.attempts[grid.expected] = 1
+    grid, found = _looked(HOUSE, grid=grid, beyond=math.nan)
+    assert sorted(round(g.normal[0]) for g in found) == [-1, 1]
+    assert all(g.length_m == SETTINGS.hidden_face_m and g.along[1] > 0.95 for g in found)
+    assert (_expected(grid)[:, 1] > 9.0).all()
 
 
 def test_a_wall_that_something_hides_is_expected_to_go_straight_on() -> None:
