@@ -14,8 +14,8 @@ from navigation import passers_by
 from navigation.camera import Place
 from navigation.camera import Pose as FlownPose
 
-WAIT_S = 12.0
-"""So long somebody who walks by is waited for; at 1.3 m/s they have gone 16 m."""
+WAIT_S = 8.0
+"""So long somebody who walks by is waited for; at 1.3 m/s they have gone 10 m."""
 LOOK_EVERY_S = 0.1
 CLEAR_LOOKS = 3
 """After a wait so many looks in a row must show nobody."""

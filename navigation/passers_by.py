@@ -53,12 +53,20 @@ class Near(NamedTuple):
 
 
 def movers(now: Look, before: Sequence[Look]) -> list[Mover]:
-    """Those that the look shows near the drone and the ground, by what earlier looks saw there."""
+    """Those that the look shows near the drone and the ground, by what earlier looks saw there, oldest first. A sensor
+    that misses thin things sees past a fence in one look and shows it in the next: for it nothing has moved to where a
+    look that still saw past came after one that showed something."""
     points = _cells(now)
-    came = np.zeros(len(points), bool)
-    for look in before:
-        came[~came] = _seen_past(points[~came], look)
-    return _lumps(points[came])
+    past = np.array([_seen_past(points, look) for look in before], bool).reshape(len(before), len(points))
+    candidates = past.any(axis=0)
+    points, past = points[candidates], past[:, candidates]
+    moved = np.ones(len(points), bool)
+    if now.misses_thin:
+        stood = np.zeros(len(points), bool)
+        for look, saw_past in zip(before, past, strict=True):
+            moved &= ~(stood & saw_past)
+            stood |= _shown(points, look)
+    return _lumps(points[moved])
 
 
 def in_the_way(path: Sequence[Place], pose: Pose, speed_m_s: float, low_m: float, seen: Sequence[Mover]) -> Near | None:
@@ -126,6 +134,19 @@ def _seen_past(points: Points, look: Look) -> NDArray[np.bool_]:
     for side in (aside, -aside):
         past[past] = looked_at(beyond[past] + side[past], look.views, look.pose) == FREE
     return np.asarray(past)
+
+
+def _shown(points: Points, look: Look) -> NDArray[np.bool_]:
+    """(N,) a return of that look lies within a cell's width or two."""
+    if not len(points):
+        return np.zeros(0, bool)
+    low, high = points.min(axis=0) - 2.0 * _CELL_M, points.max(axis=0) + 2.0 * _CELL_M
+    near = look.points[((look.points > low) & (look.points < high)).all(axis=1)]
+    taken = np.zeros(np.ceil((high - low) / _CELL_M).astype(np.intp) + 1, bool)
+    taken[tuple(np.floor((near - low) / _CELL_M).astype(np.intp).T)] = True
+    x, y, z = np.floor((points - low) / _CELL_M).astype(np.intp).T
+    about = (-1, 0, 1)
+    return np.asarray(np.any([taken[x + i, y + j, z + k] for i in about for j in about for k in about], axis=0))
 
 
 def _lumps(points: Points) -> list[Mover]:

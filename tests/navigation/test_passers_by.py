@@ -70,6 +70,15 @@ def test_a_sensor_whose_depth_errs_is_believed_about_who_is_near_alone() -> None
     assert movers(_look(_person(0.0, 5.0), holes=True), [_look()])
 
 
+def test_a_fence_that_such_a_sensor_shows_in_every_second_look_has_not_moved() -> None:
+    fence = Prism(rectangle(0.0, 5.0, 3.0, 0.1), 0.0, 1.2)
+    shown, missed = _look(fence, holes=True), _look(holes=True)
+    assert movers(shown, [missed, missed])
+    assert movers(shown, [missed, shown])
+    assert movers(shown, [missed, shown, missed]) == []
+    assert movers(shown, [shown, missed, missed]) == []
+
+
 @pytest.mark.parametrize(
     ("path", "met"),
     [
