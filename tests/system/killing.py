@@ -1,8 +1,10 @@
 """Deliveries flown undisturbed, and the same while the orchestrators that fly them are killed again and again."""
 
+import contextlib
 import random
 import threading
 import time
+from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -17,6 +19,8 @@ SHORT: Question = SMALL | {"settings": {"image_size": 96, "max_exploration_steps
 """Ends after one look round the building."""
 OTHERS_TAKE_OVER_S = 4.0
 """Those that are told to take the dead for dead after two seconds."""
+LISTENERS = 16
+"""Deliveries that are listened to at a time, the oldest first: those that fly, and some that wait."""
 
 
 def three_hundred() -> list[Question]:
@@ -43,18 +47,22 @@ def fly_while_killed(
     before = {delivery.id for delivery in first.deliveries()}
     takers = [(first, second)[k % 2] for k in range(len(questions))]
     names = [taker.post(**question) for taker, question in zip(takers, questions, strict=True)]
-    listened: dict[str, list[Event]] = {}
-
-    def listen(name: str, at: OrchestratorProcess) -> None:
-        listened[name] = heard(at, name, within_s=7200.0)
-
     # each is heard at the orchestrator that has not taken it, where there are two
     hearers = [first if taker is second else second for taker in takers]
-    listeners = [threading.Thread(target=listen, args=one, daemon=True) for one in zip(names, hearers, strict=True)]
+    to_hear = deque(zip(names, hearers, strict=True))
+    listened: dict[str, list[Event]] = {}
+
+    def listen() -> None:
+        with contextlib.suppress(IndexError):
+            while True:
+                name, at = to_hear.popleft()
+                listened[name] = heard(at, name, within_s=7200.0)
+
+    listeners = [threading.Thread(target=listen, daemon=True) for _ in range(LISTENERS)]
     for listener in listeners:
         listener.start()
     kill_again_and_again(processes, kills, chance)
-    left = sum(listener.is_alive() for listener in listeners)
+    left = len(names) - len(listened)
     for listener in listeners:
         listener.join()
     for name, question in zip(names, questions, strict=True):
