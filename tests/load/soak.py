@@ -6,7 +6,9 @@ Real services; the oracle answers, and where it is asked for the embedded model 
 events are listened to, a page asks every five seconds what flies and where, and a picture, the street, the lists and
 the figures are asked for. Memory is read once a second.
 Services give back once a minute what they no longer need, so the least of each eighth of the time counts: of five
-minutes in an hour's run, whose first third, while caches fill and code is first used, is left out. The code is 0 where
+minutes in an hour's run, whose first third, while caches fill and code is first used, is left out. At the end of each
+five minutes nothing is delivered for a minute, so that all has been given back once (not in runs under half an hour,
+which are too short for it). The code is 0 where
 every service's slope is under the bound with 95 % confidence, 1 where one grows by more with that confidence, and 2
 where one can't be told from that: soak longer.
 """
@@ -31,12 +33,15 @@ from evaluation.model_evaluation.cases import street
 from launcher.processes import Processes, free_ports, oracle_settings
 from service_kit.addresses import PORTS
 from service_kit.settings import process_environment
+from service_kit.tidying import TIDY_EVERY_S
 from tests.load.memory_slopes import WINDOWS, Memory, Sample, Slope, memory_of, plot, slope, table
 from tests.system.orchestrator_process import OrchestratorDoor, heard
 
 FIRST_SEED = 80_000
 WARM_SHARE = 1 / 3
 SETTLE_S = 1.0
+REST_S = TIDY_EVERY_S + 10.0
+"""Without deliveries; by its end each service has given back what it no longer needs."""
 PAGE_EVERY_S = 5.0
 
 
@@ -109,6 +114,16 @@ def deliver(door: OrchestratorDoor, catalogue: Catalogue, number: int, pace: Pac
     return result.outcome
 
 
+def rest_s(minutes: float, since_s: float, rests: int) -> float:
+    """Seconds to rest now, after so many rests: there is one at the end of each stretch of the time, as many as the
+    fit's windows and those before them; 0 while none is due, and where stretches are too short for it."""
+    stretch_s = minutes * 60 * (1 - WARM_SHARE) / WINDOWS
+    ends_s = (rests + 1) * stretch_s
+    if stretch_s < 2 * REST_S or since_s < ends_s - REST_S:
+        return 0.0
+    return max(REST_S, ends_s - since_s)
+
+
 def soak(services: Processes, pace: Pace) -> Soaked:
     urls = {child.name: child.url for child in services.children}
     catalogue = Catalogue.model_validate(httpx.get(f"{urls['sim']}/v1/catalogue", timeout=30).json())
@@ -117,7 +132,7 @@ def soak(services: Processes, pace: Pace) -> Soaked:
     readings = Readings(services)
     readings.start()
     Page(door.url).start()
-    began = time.monotonic()
+    began, rests = time.monotonic(), 0
     while (now := time.monotonic()) < began + pace.minutes * 60:
         outcomes[deliver(door, catalogue, readings.deliveries, pace)] += 1
         readings.deliveries += 1
@@ -128,6 +143,10 @@ def soak(services: Processes, pace: Pace) -> Soaked:
             )
             sys.exit(3)
         _progress(readings.samples[-1])
+        rest = rest_s(pace.minutes, time.monotonic() - began, rests)
+        if rest:
+            rests += 1
+            time.sleep(rest)
     return Soaked(list(readings.samples), dict(outcomes))
 
 
