@@ -70,16 +70,22 @@ async def run(step: Step) -> MissionState:
         stage = await _act(step, step.state.stage)
         step.update(stage=stage)
     except MissionEnd as end:
-        step.update(stage=Ended(outcome=end.outcome, message=_with_remark(step, end)))
+        step.update(stage=_ended(step, end))
     finally:
         step.spend("total", time.perf_counter() - started)
     return step.state
 
 
-def _with_remark(step: Step, end: MissionEnd) -> str:
-    """Why the mission ended, and what was amiss where it began, which may be the reason."""
-    remark = step.state.start_remark
-    return f"{end.message}; {remark}" if remark is not None and end.outcome in LOST_WAY else end.message
+def _ended(step: Step, end: MissionEnd) -> Ended:
+    """Why the mission ended, and what may be the reason: a building left for another, what was amiss at the start."""
+    outcome, message = end.outcome, end.message
+    if outcome not in LOST_WAY:
+        return Ended(outcome=outcome, message=message)
+    too_low, remark = step.state.too_low, step.state.start_remark
+    if too_low is not None:
+        message = f"{too_low}; another building was looked for: {message}"
+        outcome = "floor_not_found" if outcome == "no_building" else outcome
+    return Ended(outcome=outcome, message=f"{message}; {remark}" if remark is not None else message)
 
 
 async def _act(step: Step, stage: Stage) -> Stage:

@@ -76,9 +76,10 @@ class MissionState(Wire):
     drone began, for the customer. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
     flights that it has refused since the last one it let happen. `silent_looks` counts useless answers in a row,
     `approaches` those begun and given up. `elsewhere`: where else such a thing was seen, for the customer; `another`:
-    where a second one was surely seen, at another window that the request
-    fits as well. `no_building`: the yaws in which what looked like a facade had no floor. `counted_at`: the number of
-    moves when a stop was counted last, for several questions at one place are one stop. `events`: the number of the
+    where a second one was surely seen, at another window that the request fits as well. `at_foot`: a building stood
+    near ahead where the drone began; `no_building`: the yaws in which what looked like a facade had no floor, or not
+    the one asked for; `too_low`: what was found of the latter. `counted_at`: the number of moves when a stop was
+    counted last, for several questions at one place are one stop. `events`: the number of the
     last event; `seconds`: wall time by part."""
 
     version: Literal[1] = 1
@@ -110,7 +111,9 @@ class MissionState(Wire):
     dismissed: tuple[Dismissed, ...] = ()
     elsewhere: dict[str, str] = {}
     another: Point3 | None = None
+    at_foot: bool = False
     no_building: tuple[Radians, ...] = ()
+    too_low: str | None = None
     start_remark: str | None = None
     lost: LostSighting | None = None
     steps: int = 0

@@ -7,7 +7,17 @@ from itertools import pairwise
 from contracts.geometry import Point3
 from contracts.vehicle import MAX_PATH_POINTS
 from mission.places import above, ahead
-from mission.stages import AfterClimb, BoxBuilding, CheckClimb, Climb, ConfirmHeight, CountBand, TakeStand
+from mission.stage_actions.floor_counts import eq3_settings
+from mission.stages import (
+    AfterClimb,
+    BoxBuilding,
+    CheckClimb,
+    Climb,
+    ConfirmHeight,
+    CountBand,
+    CountWhole,
+    TakeStand,
+)
 from mission.step import MissionEnd, Step
 from navigation.camera import wrap_radians
 
@@ -17,10 +27,10 @@ BELOW_CEILING_M = 0.1
 SAME_COLUMN_M = 0.3
 SAME_WAY_RAD = math.radians(50.0)
 MAX_NO_BUILDINGS = 2
-"""How often a drone that stood before no building looks elsewhere."""
+"""How often a drone that stood before no building, or before one too low, looks elsewhere."""
 
 
-async def climb(step: Step, stage: Climb) -> CheckClimb | AfterClimb | TakeStand:
+async def climb(step: Step, stage: Climb) -> CheckClimb | Climb | AfterClimb | TakeStand:
     """Plans the flight, the nose kept; up to the height that is allowed as yet. Raises MissionEnd (floor_not_found)
     where the building ends far below."""
     pose = step.pose
@@ -71,26 +81,50 @@ def may_look_elsewhere(step: Step) -> bool:
     return len(step.state.no_building) < MAX_NO_BUILDINGS
 
 
-def look_elsewhere(step: Step) -> TakeStand:
+def look_elsewhere(step: Step, why: str = "that is no building: look elsewhere") -> TakeStand:
     """What has no floor, however high it is, is no building that anybody lives in on this side but a tree, a hedge or
     a bare wall: down again, turned to where the drone looked when it began, or where that is the same way, round."""
     pose, home = step.pose, step.state.guard.home if step.state.guard is not None else step.pose
     step.update(no_building=(*step.state.no_building, pose.yaw))
     path = way_down(step, home.z) if home.z < pose.z else ()
     same_way = abs(wrap_radians(home.yaw - pose.yaw)) <= SAME_WAY_RAD
-    step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, "that is no building: look elsewhere")
+    step.plan_flight(path, pose.yaw + math.pi if same_way else home.yaw, why)
     return TakeStand(looked_behind=True)
 
 
-def _over_the_roof(step: Step, stage: Climb) -> AfterClimb | TakeStand:
+def not_here(step: Step, end: MissionEnd) -> TakeStand:
+    """This building has no such floor. Where none stood near ahead of the drone when it began, another may be the
+    customer's: one other. Raises `end` where there is nowhere else to look."""
+    if step.state.at_foot or step.state.too_low is not None or not may_look_elsewhere(step):
+        raise end
+    step.update(too_low=end.message)
+    return look_elsewhere(step, f"this building has no floor {step.state.floor}: look for another")
+
+
+def once_more_from_below(step: Step, stand_off_m: float, top_m: float, *, top_seen: bool) -> Climb:
+    """Before a customer hears that there is no such floor: a picture taken level with the roof cuts off what is low and
+    near; from half the height it shows the whole of a facade that ends in the first band."""
+    step.update(trail=())
+    whole = CountWhole(stand_off_m=stand_off_m, home=step.pose, top_m=top_m, top_seen=top_seen)
+    half_m = max(top_m / 2.0 - step.drone.front_up_m, eq3_settings(step).min_height_m)
+    return Climb(to_m=half_m, why="to count once more from half the facade's height", then=whole)
+
+
+def _over_the_roof(step: Step, stage: Climb) -> Climb | AfterClimb | TakeStand:
     """As high as is allowed over what stands here: what is to be seen from higher up can't be of this building."""
-    high = f"nothing here is higher than {step.drone.vehicle.ceiling_m - step.drone.vehicle.limits.roof_margin_m:.1f} m"
+    top_m = step.drone.vehicle.ceiling_m - step.drone.vehicle.limits.roof_margin_m
+    high = f"nothing here is higher than {top_m:.1f} m"
     floor = step.state.floor
     first = isinstance(stage.then, ConfirmHeight) and stage.then.counted_m is None
     if first or isinstance(stage.then, BoxBuilding):
-        raise MissionEnd("floor_not_found", f"{high}: there is no floor {floor} at {stage.to_m:.1f} m")
-    if isinstance(stage.then, CountBand) and step.pose.z < stage.then.band.lower_m:
-        if stage.then.floors_below == 0 and may_look_elsewhere(step):
+        return not_here(step, MissionEnd("floor_not_found", f"{high}: there is no floor {floor} at {stage.to_m:.1f} m"))
+    if isinstance(stage.then, CountBand):
+        count = stage.then
+        if count.floors_below == 0 and step.pose.z < count.band.lower_m and may_look_elsewhere(step):
             return look_elsewhere(step)
-        raise MissionEnd("floor_not_found", f"{high}, and no floor {floor} was found up to there")
+        if count.floors_below > 0 and top_m <= count.band.upper_m - count.band.lower_m:
+            return once_more_from_below(step, count.stand_off_m, top_m, top_seen=False)
+        if step.pose.z < count.band.lower_m:
+            end = f"{high}, and no floor {floor} was found up to there"
+            return not_here(step, MissionEnd("floor_not_found", end))
     return stage.then

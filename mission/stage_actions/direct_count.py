@@ -6,6 +6,7 @@ import math
 from contracts.depth_assist import SafeDistanceSettings, SafeDistancesQuestion
 from contracts.geometry import Point3
 from mission.places import ahead, distance_m, point_of
+from mission.stage_actions.climbing import not_here
 from mission.stage_actions.floor_counts import (
     FACADE,
     count_floors,
@@ -15,7 +16,16 @@ from mission.stage_actions.floor_counts import (
     useless,
     write_count,
 )
-from mission.stages import BackOff, BoxBuilding, Climb, CountWhole, FindTop, RiseWithDistance, WholeBuilding
+from mission.stages import (
+    BackOff,
+    BoxBuilding,
+    Climb,
+    CountWhole,
+    FindTop,
+    RiseWithDistance,
+    TakeStand,
+    WholeBuilding,
+)
 from mission.step import Step
 from navigation import facade
 from navigation.floor_localization import FloorNotFound, direct_count
@@ -75,14 +85,14 @@ async def find_top(step: Step, stage: FindTop) -> BackOff | CountWhole:
     )
 
 
-async def count_whole(step: Step, stage: CountWhole) -> CountWhole | Climb:
+async def count_whole(step: Step, stage: CountWhole) -> CountWhole | Climb | TakeStand:
     """Raises MissionEnd: floor_not_found, answer_unreadable; PortError."""
     sight = await step.look_ahead()
     count = await count_floors(step, sight)
     decision = direct_count(count.floors, stage.top_m, step.state.floor or 1, eq3_settings(step))
     write_count(step, sight, count, None, stage.top_m if stage.top_seen else None, decision)
     if isinstance(decision, FloorNotFound):
-        raise not_there(step, decision)
+        return not_here(step, not_there(step, decision))
     if decision is None:
         silent = stage.silent + 1
         if silent > step.settings.max_model_failures:

@@ -10,7 +10,7 @@ from mission.annotation import mark_box
 from mission.looks import Sight
 from mission.model_calls import Answered
 from mission.places import ahead
-from mission.stage_actions.climbing import look_elsewhere, may_look_elsewhere
+from mission.stage_actions.climbing import look_elsewhere, may_look_elsewhere, not_here, once_more_from_below
 from mission.stage_actions.direct_count import leave_facade
 from mission.stage_actions.floor_counts import (
     FACADE,
@@ -31,7 +31,6 @@ from mission.stages import (
     ConfirmHeight,
     CountBand,
     CountBandFromNearer,
-    CountWhole,
     LookRound,
     TakeStand,
 )
@@ -113,8 +112,8 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
             if decision.floors_counted == 0 and may_look_elsewhere(step):
                 return look_elsewhere(step)
             if stage.band.number == 1 and decision.floors_counted > 0:
-                return _once_more_from_below(step, stage.stand_off_m, decision.facade_top_m)
-            raise not_there(step, decision)
+                return once_more_from_below(step, stage.stand_off_m, decision.facade_top_m, top_seen=True)
+            return not_here(step, not_there(step, decision))
         case Recount():
             silent = stage.silent + 1
             if silent > step.settings.max_model_failures:
@@ -135,15 +134,6 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
                     silent=stage.silent,
                 ),
             )
-
-
-def _once_more_from_below(step: Step, stand_off_m: float, top_m: float) -> Climb:
-    """Before a customer hears that there is no such floor: a picture taken level with the roof cuts off what is low and
-    near; from half the height it shows the whole of a facade that ends in the first band."""
-    step.update(trail=())
-    whole = CountWhole(stand_off_m=stand_off_m, home=step.pose, top_m=top_m, top_seen=True)
-    half_m = max(top_m / 2.0 - step.drone.front_up_m, eq3_settings(step).min_height_m)
-    return Climb(to_m=half_m, why="to count once more from half the facade's height", then=whole)
 
 
 def _to_final_height(step: Step, final: FinalHeight, stand_off_m: float) -> Climb:

@@ -51,6 +51,8 @@ async def take_stand(step: Step, stage: TakeStand) -> TakeStand | MeasureStandOf
         return _back_off(step, stage, views, pose)
     walls = [wall for wall in walls_about(views, pose) if not _is_no_building(step, wall)]
     facing = wall_ahead(walls)
+    if stage.moves == 0 and not step.state.no_building:
+        step.update(at_foot=facing is not None and facing.nearest_m <= AT_FOOT_M)
     if facing is None and stage.moves == 0:
         _remark(step, "no building stood ahead of the drone where it began, so it looked about for one")
     if facing is None or facing.nearest_m > FAR_AHEAD_M:

@@ -222,3 +222,47 @@ async def test_of_a_good_start_nothing_is_said() -> None:
     asked = REQUEST.replace("floor 4", "floor 9")
     result = await Mission(block_ports(world), block_placement(world), MissionSettings(), Events()).fly(asked)
     assert "began" not in result.message
+
+
+class ThreeFloorsAhead(BlockVision):
+    """The house that the drone faces when it begins has three floors."""
+
+    async def floor_count(self, question: FloorCountQuestion) -> FloorCountAnswer:
+        said = await super().floor_count(question)
+        return FloorCountAnswer(role="floors", floors=3, **WHO) if self.world.pose.yaw < 0.0 else said
+
+
+async def flown_with_its_back_to(floor: int, log: Events) -> DeliveryResult:
+    """The customer's house stands near behind the drone, another far ahead."""
+    ahead = Block(x0=-10.0, x1=10.0, y0=-40.0, y1=-24.0, floors=3)
+    start_at = Pose(x=0.0, y=-7.2, z=1.5, yaw=-FACING)
+    world = BlockWorld(StereoBlock(start=start_at, range_m=20.0, neighbour=ahead))
+    mission = Mission(block_ports(world, ThreeFloorsAhead(world)), block_placement(world), MissionSettings(), log)
+    result = await mission.fly(REQUEST.replace("floor 4", f"floor {floor}"))
+    assert not world.vehicles["e1"].collided
+    return result
+
+
+async def test_a_house_far_ahead_without_the_floor_asked_for_is_left_for_the_one_behind() -> None:
+    log = Events()
+    result = await flown_with_its_back_to(4, log)
+    first, last = (e.data.pose.yaw for e in log.of("stand_off"))
+    assert (first, last) == (pytest.approx(-FACING, abs=0.3), pytest.approx(FACING, abs=0.3))
+    assert [e for e in log if e.message == "this building has no floor 4: look for another"]
+    assert result.outcome == "delivered"
+
+
+async def test_where_no_house_about_has_the_floor_asked_for_both_are_told() -> None:
+    result = await flown_with_its_back_to(9, Events())
+    assert result.outcome == "floor_not_found"
+    assert result.message.startswith("3 floors were counted up to the facade's top at 9.0 m; there is no floor 9")
+    assert "another building was looked for: 6 floors were counted" in result.message
+
+
+async def test_from_the_foot_of_a_house_no_other_is_looked_for() -> None:
+    log = Events()
+    world = BlockWorld(start(-11.0))
+    asked = REQUEST.replace("floor 4", "floor 9")
+    result = await Mission(block_ports(world), block_placement(world), MissionSettings(), log).fly(asked)
+    assert result.outcome == "floor_not_found"
+    assert len(log.of("stand_off")) == 1
