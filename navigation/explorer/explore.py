@@ -16,7 +16,6 @@ from navigation.explorer.parameters import ExplorerParameters
 from navigation.explorer.scan import Scan, panorama
 from navigation.keep_out import Volume, at_height
 from navigation.point_cloud import Points, nearby_cloud, thinned
-from navigation.sensing import leaves_invalid
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -123,11 +122,9 @@ def explore(
 
 
 def _for_sensor(settings: ExplorerParameters, views: Sequence[DepthView]) -> ExplorerParameters:
-    """What the sensor does not reach can't be planned to be seen; one that leaves pixels invalid has noise as well, and
-    draws what it sees from far beside where it is."""
+    """What the sensor does not reach can't be planned to be seen."""
     reach_m = min((view.reach_m for view in views), default=math.inf)
-    beside_m = settings.noisy_beside_m if leaves_invalid(views) else settings.beside_m
-    return settings._replace(inspect_range_m=min(settings.inspect_range_m, _REACH_SHARE * reach_m), beside_m=beside_m)
+    return settings._replace(inspect_range_m=min(settings.inspect_range_m, _REACH_SHARE * reach_m))
 
 
 def _count_attempts(grid: Map, memory: Memory, pose: Pose) -> None:

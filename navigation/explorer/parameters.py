@@ -12,7 +12,7 @@ class ExplorerParameters(NamedTuple):
     drone's way; `map_range_m` is how far returns are drawn into the map, `sensor_range_m` what counts as a return.
     Inspection: facade counts as seen up to `inspect_range_m` and `inspect_incidence_deg` from its normal; plans keep
     `plan_range_share` of the range and `plan_incidence_slack_deg` of the angle in reserve. What lies within `beside_m`
-    of it counts as well; within `noisy_beside_m` where the sensor has noise, and the pose drifts.
+    of it counts as well.
     Expectation: `hidden_face_m` of wall is expected round an edge, `straight_on_m` behind an occluder or the picture's
     end; `bridge_m` is the widest gap between two collinear pieces that is taken for one wall. Smaller pieces than
     `min_patch_m` are not worth a stop.
@@ -36,7 +36,6 @@ class ExplorerParameters(NamedTuple):
     body_band_m: float = 1.2
     map_range_m: float = 45.0
     beside_m: float = 0.5
-    noisy_beside_m: float = 1.0
     plan_range_share: float = 0.965
     plan_incidence_slack_deg: float = 3.0
     hidden_face_m: float = 8.0

@@ -109,12 +109,12 @@ def test_specks_are_not_worth_a_stop_and_given_up_pieces_are_left_alone() -> Non
     assert not seen_cells(grid, target, settings).any()
 
 
-def test_what_a_noisy_sensor_draws_a_metre_beside_an_inspected_wall_is_no_new_wall() -> None:
+def test_what_lies_beside_an_inspected_wall_counts_as_seen_as_far_as_is_asked_for() -> None:
     wall = [(x + 0.1, 5.1) for x in np.arange(-5.0, 5.0, 0.5)]
     grid = _grid_with(*wall, *((x, y + 1.0) for x, y in wall[:8]), *((x, y + 0.5) for x, y in wall[:8]))
     grid.inspected.reshape(-1)[cells_of(grid, np.array(wall))] = True
     target = target_cells(grid, Seed(0.0, 5.1, (0.0, -1.0)))
     assert unseen(grid, target, usual.EXPLORER).sum() == 8
-    noisy = usual.EXPLORER._replace(beside_m=usual.EXPLORER.noisy_beside_m)
+    noisy = usual.EXPLORER._replace(beside_m=1.0)
     assert not unseen(grid, target, noisy).any()
     assert np.array_equal(seen_cells(grid, target, noisy), target)
