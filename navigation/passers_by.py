@@ -88,15 +88,27 @@ def in_the_way(path: Sequence[Place], pose: Pose, speed_m_s: float, low_m: float
 
 
 def without(looks: Sequence[Look], seen: Sequence[Mover]) -> list[Look]:
-    """The same looks without who moves, as the last one shows it, and without what earlier ones showed below head
-    height: what stands there still the last one shows as well. Nobody who walks by carries anything overhead."""
+    """The same looks without who moves, as the last one shows it, and without what an earlier one alone showed below
+    head height: what stands there still the last one shows as well, and of a sensor that misses thin things one other.
+    Nobody who walks by carries anything overhead. Where nobody moves, the looks as they are."""
+    if not seen:
+        return list(looks)
     *earlier, last = looks
     there = last.points
     for mover in seen:
         beside = np.hypot(there[:, 0] - mover.x, there[:, 1] - mover.y) <= mover.half_m + _ASIDE_M
         there = there[~beside | (there[:, 2] >= HEAD_M)]
-    high = [look._replace(points=look.points[look.points[:, 2] >= HEAD_M]) for look in earlier]
-    return [*high, last._replace(points=there)]
+    return [*(_standing(look, looks) for look in earlier), last._replace(points=there)]
+
+
+def _standing(look: Look, looks: Sequence[Look]) -> Look:
+    """What it shows overhead, and of a sensor that misses thin things what another look shows as well."""
+    stays = look.points[:, 2] >= HEAD_M
+    if look.misses_thin:
+        low = look.points[~stays]
+        others = [_shown(low, other) for other in looks if other is not look]
+        stays[~stays] = np.any(others, axis=0)
+    return look._replace(points=look.points[stays])
 
 
 def rises(path: Sequence[Place], pose: Pose) -> bool:
@@ -107,10 +119,7 @@ def rises(path: Sequence[Place], pose: Pose) -> bool:
 
 def goes_low(path: Sequence[Place], pose: Pose, low_m: float) -> bool:
     """Does the way lead where they reach, but for straight up and out of there?"""
-    straight_up = (
-        len(path) == 1 and path[0].z > pose.z and math.hypot(path[0].x - pose.x, path[0].y - pose.y) < _ASIDE_M
-    )
-    return not straight_up and min(pose.z, *(place.z for place in path)) < low_m
+    return not rises(path, pose) and min(pose.z, *(place.z for place in path)) < low_m
 
 
 def _cells(look: Look) -> Points:

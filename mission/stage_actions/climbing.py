@@ -111,20 +111,33 @@ def once_more_from_below(step: Step, stand_off_m: float, top_m: float, *, top_se
 
 
 def _over_the_roof(step: Step, stage: Climb) -> Climb | AfterClimb | TakeStand:
-    """As high as is allowed over what stands here: what is to be seen from higher up can't be of this building."""
-    top_m = step.drone.vehicle.ceiling_m - step.drone.vehicle.limits.roof_margin_m
-    high = f"nothing here is higher than {top_m:.1f} m"
-    floor = step.state.floor
-    first = isinstance(stage.then, ConfirmHeight) and stage.then.counted_m is None
-    if first or isinstance(stage.then, BoxBuilding):
-        return not_here(step, MissionEnd("floor_not_found", f"{high}: there is no floor {floor} at {stage.to_m:.1f} m"))
-    if isinstance(stage.then, CountBand):
-        count = stage.then
-        if count.floors_below == 0 and step.pose.z < count.band.lower_m and may_look_elsewhere(step):
-            return look_elsewhere(step)
-        if count.floors_below > 0 and top_m <= count.band.upper_m - count.band.lower_m:
-            return once_more_from_below(step, count.stand_off_m, top_m, top_seen=False)
-        if step.pose.z < count.band.lower_m:
-            end = f"{high}, and no floor {floor} was found up to there"
-            return not_here(step, MissionEnd("floor_not_found", end))
-    return stage.then
+    """As high as is allowed over what stands here: what is to be seen from higher up can't be of this building; unless
+    it is the operator's limit that is reached, which says nothing of the building. Raises MissionEnd
+    (floor_not_found)."""
+    floor, vehicle, then = step.state.floor, step.drone.vehicle, stage.then
+    most_m = vehicle.limits.max_height_m
+    limited = vehicle.ceiling_m >= most_m
+    top_m = vehicle.ceiling_m - vehicle.limits.roof_margin_m
+    high = f"no higher than {most_m:g} m may be flown" if limited else f"nothing here is higher than {top_m:.1f} m"
+    first = isinstance(then, ConfirmHeight) and then.counted_m is None
+    if first or isinstance(then, BoxBuilding):
+        said = f"floor {floor} would be" if limited else f"there is no floor {floor}"
+        return _not_up_there(step, f"{high}: {said} at {stage.to_m:.1f} m", limited=limited)
+    if not isinstance(then, CountBand):
+        return then
+    below = step.pose.z < then.band.lower_m
+    if not limited and then.floors_below == 0 and below and may_look_elsewhere(step):
+        return look_elsewhere(step)
+    if not limited and then.floors_below > 0 and top_m <= then.band.upper_m - then.band.lower_m:
+        return once_more_from_below(step, then.stand_off_m, top_m, top_seen=False)
+    if below:
+        return _not_up_there(step, f"{high}, and no floor {floor} was found up to there", limited=limited)
+    return then
+
+
+def _not_up_there(step: Step, said: str, *, limited: bool) -> TakeStand:
+    """Raises MissionEnd (floor_not_found) where no other building may be meant, or could be flown up."""
+    end = MissionEnd("floor_not_found", said)
+    if limited:
+        raise end
+    return not_here(step, end)

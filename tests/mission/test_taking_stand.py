@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from contracts.cameras import Camera
+from contracts.flight_limits import FlightLimits
 from contracts.geometry import Pose
 from contracts.orchestrator import DeliveryResult, MissionSettings
 from contracts.vlm_gateway import FloorCountAnswer, FloorCountQuestion
@@ -266,3 +267,16 @@ async def test_from_the_foot_of_a_house_no_other_is_looked_for() -> None:
     result = await Mission(block_ports(world), block_placement(world), MissionSettings(), log).fly(asked)
     assert result.outcome == "floor_not_found"
     assert len(log.of("stand_off")) == 1
+
+
+async def test_the_operators_highest_height_is_not_taken_for_the_roof() -> None:
+    """Ten floors, 10 m allowed, and a start from which the house might be another's."""
+    log = Events()
+    world = BlockWorld(Block(floors=10, start=Pose(x=0.0, y=-22.0, z=1.5, yaw=FACING)))
+    limits = FlightLimits(max_height_m=10.0)
+    mission = Mission(block_ports(world), block_placement(world), MissionSettings(), log, limits=limits)
+    result = await mission.fly(REQUEST.replace("floor 4", "floor 8"))
+    assert result.outcome == "floor_not_found"
+    assert result.message.startswith("no higher than 10 m may be flown, and no floor 8 was found up to there")
+    assert len(log.of("stand_off")) == 1
+    assert not [e for e in log if "once more" in e.message or "another" in e.message]

@@ -7,7 +7,7 @@ import pytest
 
 from navigation.camera import Place, Pose, pinhole
 from navigation.guard import Look, look_of
-from navigation.passers_by import HEAD_M, Mover, goes_low, in_the_way, movers
+from navigation.passers_by import HEAD_M, Mover, goes_low, in_the_way, movers, without
 from tests.navigation.raycast_world import Prism, World, rectangle
 
 NORTH = math.pi / 2
@@ -99,3 +99,21 @@ def test_straight_up_is_the_way_out_of_their_reach_and_any_other_from_low_down_i
     assert goes_low([Place(3.0, 0.0, 3.0)], HERE, LOW_M)
     assert goes_low([Place(0.0, 5.0, 4.0), Place(0.0, 5.0, 1.5)], HERE._replace(z=4.0), LOW_M)
     assert not goes_low([Place(0.0, 5.0, 4.0)], HERE._replace(z=4.0), LOW_M)
+
+
+def _line(look: Look) -> Look:
+    """The look with a thin line overhead, 2 m up."""
+    line = np.array([(x, 0.0, 2.0) for x in np.arange(-1.0, 1.0, 0.1)], np.float32)
+    return look._replace(points=np.concatenate([look.points, line]))
+
+
+def test_a_line_that_two_looks_showed_and_the_last_one_missed_is_not_taken_for_who_walked_there() -> None:
+    shown, missed = _line(_look(holes=True)), _look(_person(0.0, 5.0), holes=True)
+    walker = [Mover(0.0, 5.0, 0.3)]
+
+    def lines(looks: list[Look]) -> int:
+        return sum(bool(np.any(np.abs(look.points[:, 1]) + np.abs(look.points[:, 2] - 2.0) < 0.01)) for look in looks)
+
+    assert lines(without([shown, shown, missed], walker)) == 2
+    assert lines(without([shown, missed, missed], walker)) == 0
+    assert lines(without([shown, missed, missed], [])) == 1  # nobody moves: nothing is left out
