@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from contracts.flight_limits import GuardAction, RefusalReason
 from contracts.geometry import Point3, Pose
 from contracts.vehicle import Observation, SensedView
 from mission.places import distance_m
+from navigation.airspace import Refusal
 from navigation.camera import DepthView
 from navigation.sensing import known_share
 
@@ -39,6 +40,11 @@ class FlightRefused(Exception):
         self.reason = reason
         self.message = message
         self.at = at
+
+    @classmethod
+    def by(cls, refusal: Refusal) -> Self:
+        """What the mathematics refused, as a mission's refusal."""
+        return cls(refusal.reason, refusal.said, Point3(x=refusal.at.x, y=refusal.at.y, z=refusal.at.z))
 
     @property
     def final(self) -> bool:

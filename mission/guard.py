@@ -21,12 +21,13 @@ from mission.passing import OVER_M, Wait
 from mission.places import distance_m, path_m, point_of
 from mission.ports import ServiceRefused
 from mission.state import GuardMemory
+from mission.taking_off import check_take_off
 from mission.vehicle import Progress, Vehicle
 from navigation import guard, passers_by
 from navigation.airspace import Refusal, Space
 from navigation.camera import Place
 from navigation.camera import Pose as FlownPose
-from navigation.keep_out import Volume
+from navigation.keep_out import volumes
 
 MANUAL = "manual_control"
 """The code by which a vehicle refuses what it is told, because somebody else flies it."""
@@ -93,6 +94,8 @@ class GuardedVehicle:
         return await self._vehicle.state()
 
     async def take_off(self, height_m: float) -> VehicleState:
+        """Raises FlightRefused, PortError."""
+        await check_take_off(self._vehicle, height_m, self._space()._replace(ceiling_m=self.limits.max_height_m))
         return self._stands(await self._vehicle.take_off(height_m))
 
     async def hold(self) -> VehicleState:
@@ -212,7 +215,7 @@ class GuardedVehicle:
             await self._look()
             refusal = self._refusal(path, pose)
         if refusal is not None:
-            raise FlightRefused(refusal.reason, refusal.said, Point3(x=refusal.at.x, y=refusal.at.y, z=refusal.at.z))
+            raise FlightRefused.by(refusal)
 
     def _may_mend(self, refusal: Refusal) -> bool:
         """May one look more clear the way? Not past what a sensor has shown that misses thin things."""
@@ -234,8 +237,8 @@ class GuardedVehicle:
 
     def _space(self) -> Space:
         limits, home = self.limits, Place(self._home.x, self._home.y, self._home.z)
-        keep_out = tuple(Volume(v.name, v.corners, v.min_height_m, v.max_height_m) for v in limits.keep_out)
-        return Space(home, limits.geofence_m, limits.min_height_m, self.ceiling_m, self._room_m, keep_out)
+        kept_out = volumes(limits.keep_out)
+        return Space(home, limits.geofence_m, limits.min_height_m, self.ceiling_m, self._room_m, kept_out)
 
     def _check_vehicle(self, move: Move, state: VehicleState) -> None:
         limits = self.limits
@@ -246,7 +249,7 @@ class GuardedVehicle:
         if self._pose is not None and (jump_m := distance_m(self._pose, state.pose)) > limits.max_pose_jump_m:
             raise FlightRefused("pose_jump", f"the drone says that it is {jump_m:.1f} m from where it was left")
         way_m = path_m(state.pose, move.path)
-        needed_s = self._seconds(way_m) + self._way_home_s()
+        needed_s = way_m / self._speed_m_s + self._way_home_s()
         needs = f"a way of {way_m:.0f} m and the way home may take {needed_s:.0f} s"
         if state.flight_s + needed_s > limits.max_flight_s:
             flown_s, allowed_s = state.flight_s, limits.max_flight_s
@@ -277,14 +280,11 @@ class GuardedVehicle:
         """What it flies at on the whole, speeding up and braking, at least."""
         return max(0.5 * min(self._capabilities.max_speed_m_s, self.limits.max_speed_m_s), 0.1)
 
-    def _seconds(self, path_m: float) -> float:
-        return path_m / self._speed_m_s
-
     def _way_home_s(self) -> float:
         """Back along the way flown, but no longer than twice the straight way: by then it is known that it is free."""
         if self._pose is None:
             return 0.0
-        return self._seconds(2.0 * distance_m(self._home, self._pose))
+        return 2.0 * distance_m(self._home, self._pose) / self._speed_m_s
 
     def _left_s(self, state: VehicleState) -> float:
         """Seconds of flight until the reserve is touched, by how fast the battery has emptied so far."""

@@ -5,8 +5,8 @@ and what plans ways takes them for solid.
 """
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,24 @@ class Volume(NamedTuple):
     outline: tuple[tuple[float, float], ...]
     floor_m: float
     ceiling_m: float
+
+
+class Described(Protocol):
+    """A volume as a message describes it."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def corners(self) -> tuple[tuple[float, float], ...]: ...
+    @property
+    def min_height_m(self) -> float: ...
+    @property
+    def max_height_m(self) -> float: ...
+
+
+def volumes(described: Iterable[Described]) -> tuple[Volume, ...]:
+    """The same, as the mathematics takes them."""
+    return tuple(Volume(v.name, v.corners, v.min_height_m, v.max_height_m) for v in described)
 
 
 class Entered(NamedTuple):

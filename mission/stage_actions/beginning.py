@@ -2,9 +2,12 @@
 
 from dataclasses import replace
 
-from contracts.event_data import ParsedData, PlacedData
+from contracts.event_data import ParsedData, PlacedData, RefusedData
+from contracts.geometry import Point3
 from contracts.llm_parser import ParseQuestion
+from contracts.vehicle import VehicleState
 from contracts.vlm_gateway import PreflightQuestion
+from mission.frames import FlightRefused
 from mission.guard import guarded
 from mission.model_calls import Answered
 from mission.places import spoken
@@ -12,6 +15,7 @@ from mission.questions import about_unknown, left_open, missing_fields, question
 from mission.stage_actions.asking import ask_customer
 from mission.stages import NeedsAnswer, PlaceDrone, Preflight, TakeStand
 from mission.step import Drone, MissionEnd, Step
+from mission.vehicle import Vehicle
 
 
 async def read_request(step: Step) -> Preflight | NeedsAnswer:
@@ -58,13 +62,14 @@ async def preflight(step: Step) -> PlaceDrone | NeedsAnswer:
 
 
 async def place_drone(step: Step) -> TakeStand:
-    """The drone of this mission's key, in the air. Raises PortError."""
+    """The drone of this mission's key, in the air. Raises MissionEnd (stopped_by_guard) where it may not take off from
+    where it stands; PortError."""
     step.enter("place", "placing the drone")
     vehicle = await step.timed("place", step.context.placement.begin(step.state.key))
     step.update(vehicle=vehicle.name)
     state = await vehicle.state()
     if state.mode == "landed":
-        state = await vehicle.take_off(step.settings.take_off_height_m)
+        state = await _taken_off(step, vehicle, state)
     behind_guard = await guarded(vehicle, step.context.limits, step.state.guard)
     drone = Drone(behind_guard, await vehicle.connect())
     step.context = replace(step.context, drone=drone)
@@ -74,3 +79,16 @@ async def place_drone(step: Step) -> TakeStand:
         PlacedData(vehicle=vehicle.name, vehicle_kind=drone.capabilities.kind, pose=state.pose, cameras=drone.cameras),
     )
     return TakeStand()
+
+
+async def _taken_off(step: Step, vehicle: Vehicle, stands: VehicleState) -> VehicleState:
+    """Behind a guard of its own: where the mission starts is where the take-off ends."""
+    height_m = step.settings.take_off_height_m
+    try:
+        return await (await guarded(vehicle, step.context.limits, None)).take_off(height_m)
+    except FlightRefused as refusal:
+        up = Point3(x=stands.pose.x, y=stands.pose.y, z=stands.pose.z + height_m)
+        refused = RefusedData(reason=refusal.reason, at=refusal.at, path=(up,), action="none")
+        step.write(f"the flight guard refused the take-off: {refusal.message}", refused)
+        why = f"stopped for safety: {refusal.message}; the drone did not take off"
+        raise MissionEnd("stopped_by_guard", why) from None

@@ -25,12 +25,13 @@ from contracts.depth_assist import (
 from contracts.geometry import POINT_LABELS, Point3
 from navigation import approach, safe_distance, viewpoint
 from navigation.camera import Place, Pose
+from navigation.keep_out import volumes
 from navigation.target import Box
 from service_kit.app import create_app, json_response
 from service_kit.errors import BadQuestion
 from service_kit.json_route import JsonRoute
 from services.depth_assist.explorer import next_step
-from services.depth_assist.views import ahead, checked, depth_views, front_rows, level, slice_means, volumes
+from services.depth_assist.views import ahead, checked, depth_views, front_rows, level, slice_means
 
 Q = TypeVar("Q", bound=BaseModel)
 A = TypeVar("A", bound=BaseModel)

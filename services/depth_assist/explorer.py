@@ -13,8 +13,9 @@ from navigation.explorer import map_codec
 from navigation.explorer.explore import Memory, NoFacade, Step, explore
 from navigation.explorer.map import CELL_M, SIZE, Bools, Map, middles_of
 from navigation.explorer.parameters import ExplorerParameters
+from navigation.keep_out import volumes
 from service_kit.errors import BadQuestion
-from services.depth_assist.views import camera_of, volumes
+from services.depth_assist.views import camera_of
 
 AHEAD_DEG = 25.0
 _EDGE_DEG = 1.0

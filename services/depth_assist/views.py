@@ -10,10 +10,8 @@ from contracts.cameras import Camera as RigCamera
 from contracts.depth_assist import ViewDepth
 from contracts.geometry import Box
 from contracts.images import BadImage, decode_depth, decode_depth_units
-from contracts.keep_out import KeepOut
 from navigation import viewpoint
 from navigation.camera import Camera, DepthView
-from navigation.keep_out import Volume
 from navigation.sensing import read_units, read_views
 from service_kit.errors import BadQuestion
 
@@ -131,8 +129,3 @@ def _row_at(front: RigCamera, camera: RigCamera, y: float) -> float:
 
 def _bad_depth(view: ViewDepth, error: ValueError) -> BadQuestion:
     return BadQuestion(f"the view of camera {view.camera.name}: {error}", code="bad_depth")
-
-
-def volumes(keep_out: Sequence[KeepOut]) -> tuple[Volume, ...]:
-    """What no way may lead into, as the mathematics takes it."""
-    return tuple(Volume(v.name, v.corners, v.min_height_m, v.max_height_m) for v in keep_out)
