@@ -32,6 +32,7 @@ from navigation.keep_out import volumes
 MANUAL = "manual_control"
 """The code by which a vehicle refuses what it is told, because somebody else flies it."""
 FAST_SHARE = 1.15
+_LIE_M = 1e-6
 
 
 class GuardedVehicle:
@@ -178,10 +179,7 @@ class GuardedVehicle:
     @property
     def can_rise(self) -> bool:
         """May it climb out of reach of who walks by, whoever stands beside it?"""
-        if not self._seen.all:
-            return True  # it looks before it flies
-        here = self._seen.all[-1].pose
-        return guard.column_is_open(Place(here.x, here.y, here.z), self.low_m + OVER_M, self._seen.standing())
+        return self._seen.column_is_open(self.low_m + OVER_M)
 
     def column_looks_open(self, place: Place, to_m: float) -> bool:
         """The same of a place elsewhere, as it is seen from here."""
@@ -223,7 +221,7 @@ class GuardedVehicle:
 
     def _refusal(self, path: Sequence[Place], pose: FlownPose) -> Refusal | None:
         flown = np.array([(c.x, c.y, c.z) for c in self._corners] or [(pose.x, pose.y, pose.z)])
-        out_of_reach = passers_by.rises(path, pose) and path[-1].z <= self.low_m + 2.0 * OVER_M
+        out_of_reach = passers_by.rises(path, pose) and path[-1].z <= self.low_m + OVER_M + _LIE_M
         looks = self._seen.standing() if out_of_reach else self._seen.all
         return guard.check(path, looks, flown, pose, self._space())
 

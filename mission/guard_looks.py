@@ -10,7 +10,7 @@ from mission.frames import FrameWatch
 from mission.looks import FAR_M, navigation_camera
 from mission.state import GuardMemory
 from navigation import guard, passers_by
-from navigation.camera import DepthView
+from navigation.camera import DepthView, Place
 from navigation.camera import Pose as FlownPose
 from navigation.sensing import shown_reach_m
 
@@ -84,6 +84,14 @@ class GuardLooks:
     def standing(self) -> Sequence[guard.Look]:
         """The looks without who moves, where that can be told."""
         return passers_by.without(self._looks, self.movers()) if self.passers_by and self.whole else self._looks
+
+    def column_is_open(self, to_m: float) -> bool:
+        """May the drone climb where it looked last, whoever stands beside it? Before it has looked nothing is known to
+        hang there; it looks before it flies."""
+        if not self._looks:
+            return True
+        here = self._looks[-1].pose
+        return guard.column_is_open(Place(here.x, here.y, here.z), to_m, self.standing())
 
     def movers(self) -> list[passers_by.Mover]:
         """Who moves near a drone that is low or may come down, as the last look shows it."""

@@ -74,7 +74,8 @@ class MissionState(Wire):
     is the search policy's own; `looking`: a look that takes several stops. `height_confirmed`: whether a look at the
     final height showed the row of windows asked for, null where nothing tells. `start_remark`: what was amiss where the
     drone began, for the customer. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
-    flights that it has refused since the last one it let happen. `silent_looks` counts useless answers in a row,
+    flights that it has refused since the last one it let happen; `rose_at`: the number of the last move that was
+    planned straight up, out of reach of who walks by. `silent_looks` counts useless answers in a row,
     `approaches` those begun and given up. `elsewhere`: where else such a thing was seen, for the customer; `another`:
     where a second one was surely seen, at another window that the request fits as well. `at_foot`: a building stood
     near ahead where the drone began; `no_building`: the yaws in which what looked like a facade had no floor, or not
@@ -105,6 +106,7 @@ class MissionState(Wire):
     looking: LookUnderWay | None = None
     guard: GuardMemory | None = None
     refusals: int = 0
+    rose_at: int = -1
     exploration_steps: int = 0
     silent_looks: int = 0
     approaches: int = 0

@@ -144,6 +144,11 @@ class Step:
         return self.flown.pose
 
     @property
+    def just_rose(self) -> bool:
+        """Was the last move straight up, out of reach of who walks by? Who came to rest too low does not try again."""
+        return self.state.rose_at == self.flown.moves
+
+    @property
     def thing(self) -> str:
         """What is looked for, with its article, for a person."""
         return with_article(self.state.object or "object")
@@ -256,14 +261,14 @@ class Step:
             raise MissionEnd("collision", f"the drone collided{hit} at {spoken(done.pose)} ({flight.why})")
 
     def _rise(self, flight: PlannedFlight, refusal: FlightRefused) -> bool:
-        """Plans to fly over who walks by; not where the drone is above them already."""
+        """Plans to fly over who walks by; not where the drone is above them already, can't rise or rose just now."""
         vehicle, move = self.drone.vehicle, flight.move
-        if self.pose.z >= vehicle.low_m:
+        if self.pose.z >= vehicle.low_m or self.just_rose or not vehicle.can_rise:
             return False
         refused = RefusedData(reason=refusal.reason, at=refusal.at, path=move.path, action="none")
         self.write(f"{refusal.message}: over them ({flight.why})", refused)
         up, over = way_over(flight, self.pose, vehicle.low_m)
-        self.update(flight=up, interrupted=over)
+        self.update(flight=up, interrupted=over, rose_at=self.flown.moves + 1)
         return True
 
     async def _refused(self, flight: PlannedFlight, refusal: FlightRefused) -> None:

@@ -6,13 +6,11 @@ from mission.step import Step
 
 
 def rises_over_heads(step: Step) -> bool:
-    """Plans the way up, straight; not where that is not free, or was refused just now."""
+    """Plans the way up, straight; not where that is not free, was refused just now, or was flown just now."""
     vehicle, pose, state = step.drone.vehicle, step.pose, step.state
-    over_m = vehicle.low_m + OVER_M
     low = vehicle.memory.passers_by and pose.z < vehicle.low_m
-    if not low or state.refusals or state.looking is not None:
+    if not low or state.refusals or state.looking is not None or step.just_rose or not vehicle.can_rise:
         return False
-    if not vehicle.can_rise:
-        return False
-    step.plan_flight((above(pose, over_m),), pose.yaw, "people or cars move here: on above them")
+    step.plan_flight((above(pose, vehicle.low_m + OVER_M),), pose.yaw, "people or cars move here: on above them")
+    step.update(rose_at=step.flown.moves + 1)
     return True

@@ -13,9 +13,10 @@ from contracts.vehicle import Move, Observation
 from mission import passing
 from mission.frames import FlightRefused
 from mission.guard import GuardedVehicle
-from mission.mission import Mission
+from mission.mission import Mission, begin
 from mission.passing import OVER_M, way_over
-from mission.state import GuardMemory, PlannedFlight
+from mission.stages import Ended
+from mission.state import GuardMemory, MissionState, PlannedFlight
 from tests.mission.block import Block
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import RIG, block_placement, block_ports
@@ -24,6 +25,7 @@ from tests.mission.test_mission import Events
 LOOK_S = 0.4
 WAIT_S = 8.0
 LOW_M = 2.7
+STEPS = 60
 WALK = 0.52
 """Metres a look."""
 Walk = Callable[[int], float]
@@ -90,7 +92,7 @@ async def test_a_low_drone_does_not_wait_in_their_reach_where_it_can_rise() -> N
     with pytest.raises(FlightRefused, match="walks or drives by"):
         await guard.fly(1, to(1.5))
     assert vehicle.looks == 3
-    assert (await guard.fly(1, Move(path=(Point3(x=0.0, y=-15.0, z=2.8),)))).reached
+    assert (await guard.fly(1, Move(path=(Point3(x=0.0, y=-15.0, z=LOW_M + OVER_M),)))).reached
 
 
 async def test_who_stands_right_beside_a_low_drone_does_not_keep_it_from_rising() -> None:
@@ -144,14 +146,40 @@ class BusyWorld(BlockWorld):
     async def begin(self, question: EpisodeQuestion) -> BlockVehicle:
         if not self.vehicles:
             await super().begin(question)
-            vehicle = self.vehicles["e1"] = Street(self.block, "e1", question.rig)
+            vehicle = self.vehicles["e1"] = Street(self.block, "e1", question.rig, rests_below_m=self.rests_below_m)
             vehicle.walk = lambda look: abs((WALK * look) % 24.0 - 12.0) - 6.0
         return await self.resume("e1")
 
 
+async def mission_among_people(rests_below_m: float) -> tuple[MissionState, Events]:
+    """A mission to the ground floor, at its end or after `STEPS` steps."""
+    block = Block(thing=(3.0, -6.2, 1.5), start=Pose(x=0.0, y=-15.0, z=1.5, yaw=1.57))
+    world, log = BusyWorld(block, rests_below_m=rests_below_m), Events()
+    mission = Mission(block_ports(world), block_placement(world), MissionSettings(), log)
+    state = begin("floor 1, the green flower pot")
+    for _ in range(STEPS):
+        state = await mission.advanced(state)
+        if state.over:
+            break
+    return state, log
+
+
 async def test_a_mission_to_the_ground_floor_goes_on_above_the_heads_and_says_so() -> None:
-    world, log = BusyWorld(Block(thing=(3.0, -6.2, 1.5), start=Pose(x=0.0, y=-15.0, z=1.5, yaw=1.57))), Events()
-    placement = block_placement(world)
-    result = await Mission(block_ports(world), placement, MissionSettings(), log).fly("floor 1, the green flower pot")
-    assert result.outcome == "delivered"
+    state, log = await mission_among_people(0.0)
+    assert isinstance(state.stage, Ended)
+    assert state.stage.outcome == "delivered"
     assert any("on above them" in event.message for event in log)
+
+
+async def test_a_drone_that_comes_to_rest_a_little_low_is_above_the_heads_all_the_same() -> None:
+    state, log = await mission_among_people(0.2)
+    assert isinstance(state.stage, Ended)
+    assert state.stage.outcome == "delivered"
+    assert 1 <= sum("on above them" in event.message for event in log) <= 3
+
+
+async def test_a_drone_that_never_comes_to_rest_above_the_heads_rises_once_a_stop_at_most() -> None:
+    state, log = await mission_among_people(0.8)
+    assert state.exploration_steps > 0
+    rises = sum("on above them" in event.message for event in log)
+    assert 1 <= rises <= state.exploration_steps + 1
