@@ -185,7 +185,7 @@ def _wall(result: DeliveryResult) -> str:
 
 
 def _told(role: str, asked: ModelCalls) -> str:
-    """How often a role was asked, and who answered: "recognition 6 by embedded-3 (6 cached)"."""
+    """How often a role was asked, and who answered: "recognition 6 by embedded-4 (6 cached)"."""
     by = f" by {' and '.join(asked.models)}" if asked.models else ""
     cached = f" ({asked.cache_hits} cached)" if asked.cache_hits else ""
     return f"{role} {asked.calls}{by}{cached}"

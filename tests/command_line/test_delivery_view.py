@@ -66,10 +66,10 @@ async def test_the_end_says_which_model_answered_in_each_role(tmp_path: Path) ->
     assert result is not None
     looks = result.model_calls["recognition"]
     assert looks.models == ("geometry",)
-    two = looks.model_copy(update={"calls": 6, "cache_hits": 2, "models": ("mine", "embedded-3")})
+    two = looks.model_copy(update={"calls": 6, "cache_hits": 2, "models": ("mine", "embedded-4")})
     console = Console(record=True, width=120, file=io.StringIO())
     print_result(console, result.model_copy(update={"model_calls": {"recognition": two}}), "runs/x")
-    assert "recognition 6 by mine and embedded-3 (2 cached)" in console.export_text()
+    assert "recognition 6 by mine and embedded-4 (2 cached)" in console.export_text()
 
 
 async def test_what_nobody_judged_is_not_shown_as_delivered(tmp_path: Path) -> None:
