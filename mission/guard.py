@@ -179,7 +179,7 @@ class GuardedVehicle:
     @property
     def can_rise(self) -> bool:
         """May it climb out of reach of who walks by, whoever stands beside it?"""
-        return self._seen.column_is_open(self.low_m + OVER_M)
+        return self._seen.may_climb(self.low_m + OVER_M, self._space())
 
     def column_looks_open(self, place: Place, to_m: float) -> bool:
         """The same of a place elsewhere, as it is seen from here."""

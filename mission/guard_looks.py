@@ -10,6 +10,7 @@ from mission.frames import FrameWatch
 from mission.looks import FAR_M, navigation_camera
 from mission.state import GuardMemory
 from navigation import guard, passers_by
+from navigation.airspace import Space, outside
 from navigation.camera import DepthView, Place
 from navigation.camera import Pose as FlownPose
 from navigation.sensing import shown_reach_m
@@ -85,13 +86,14 @@ class GuardLooks:
         """The looks without who moves, where that can be told."""
         return passers_by.without(self._looks, self.movers()) if self.passers_by and self.whole else self._looks
 
-    def column_is_open(self, to_m: float) -> bool:
-        """May the drone climb where it looked last, whoever stands beside it? Before it has looked nothing is known to
-        hang there; it looks before it flies."""
+    def may_climb(self, to_m: float, space: Space) -> bool:
+        """May the drone climb where it looked last, in the space allowed and whoever stands beside it? Before it has
+        looked nothing is known to hang there; it looks before it flies."""
         if not self._looks:
             return True
-        here = self._looks[-1].pose
-        return guard.column_is_open(Place(here.x, here.y, here.z), to_m, self.standing())
+        pose = self._looks[-1].pose
+        here, up = Place(pose.x, pose.y, pose.z), Place(pose.x, pose.y, to_m)
+        return outside(here, up, space) is None and guard.column_is_open(here, to_m, self.standing())
 
     def movers(self) -> list[passers_by.Mover]:
         """Who moves near a drone that is low or may come down, as the last look shows it."""

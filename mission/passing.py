@@ -17,6 +17,8 @@ from navigation.camera import Pose as FlownPose
 WAIT_S = 8.0
 """So long somebody who walks by is waited for; at 1.3 m/s they have gone 10 m."""
 LOOK_EVERY_S = 0.1
+MOST_LOOKS = 200
+"""Nor for more looks than that: a vehicle's clock may stand still."""
 CLEAR_LOOKS = 3
 """After a wait so many looks in a row must show nobody."""
 OVER_M = 0.5
@@ -44,22 +46,23 @@ class Wait(NamedTuple):
         (passer_by) where somebody still could after a while, or at once where the drone rises; PortError."""
         begun_s = looked_s = await self.look()
         await check()
-        clear = 0
+        clear = looks = 0
         while True:
             near = passers_by.in_the_way(path, pose, self.speed_m_s, self.seen.low_m, self.seen.movers())
             clear = clear + 1 if near is None else 0
             waited_s = looked_s - begun_s
-            if near is not None and (waited_s > WAIT_S or self.rises()):
+            if near is not None and (waited_s > WAIT_S or looks >= MOST_LOOKS or self.rises()):
                 said = f"somebody walks or drives by, {near.away_m:.1f} m from the way"
                 raise FlightRefused("passer_by", said, Point3(x=near.at.x, y=near.at.y, z=near.at.z))
-            if clear and looked_s == begun_s:
+            if clear and not looks:
                 return 0.0
             if clear >= CLEAR_LOOKS:
                 break
             await asyncio.sleep(LOOK_EVERY_S)
             looked_s = await self.look(instead=True)
+            looks += 1
         await check()
-        return waited_s
+        return max(waited_s, 0.0)
 
 
 def way_over(flight: PlannedFlight, pose: Pose, low_m: float) -> tuple[PlannedFlight, PlannedFlight]:

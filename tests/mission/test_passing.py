@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from contracts.flight_limits import FlightLimits
-from contracts.geometry import Point3, Pose
+from contracts.geometry import Point2, Point3, Pose
+from contracts.keep_out import KeepOut
 from contracts.orchestrator import MissionSettings
 from contracts.sim import EpisodeQuestion
 from contracts.vehicle import Move, Observation
@@ -26,6 +27,12 @@ LOOK_S = 0.4
 WAIT_S = 8.0
 LOW_M = 2.7
 STEPS = 60
+WIRES = KeepOut(
+    name="tram-wires",
+    outline=tuple(Point2(x=x, y=y) for x, y in ((-30.0, -20.0), (30.0, -20.0), (30.0, -11.5), (-30.0, -11.5))),
+    min_height_m=3.0,
+    max_height_m=9.0,
+)
 WALK = 0.52
 """Metres a look."""
 Walk = Callable[[int], float]
@@ -54,11 +61,25 @@ def no_time_passes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(passing, "WAIT_S", WAIT_S)
 
 
-async def street(z: float, walk: Walk, y: float = -10.0) -> tuple[Street, GuardedVehicle]:
+class Timeless(Street):
+    """Its clock stands still."""
+
+    async def observe(self, cameras=None, *, depth: bool = True) -> Observation:
+        return (await super().observe(cameras, depth=depth)).model_copy(update={"time_s": 7.0})
+
+
+async def street(
+    z: float,
+    walk: Walk,
+    y: float = -10.0,
+    limits: FlightLimits | None = None,
+    kind: type[Street] = Street,
+) -> tuple[Street, GuardedVehicle]:
     """A drone that has looked twice at who walks along `y`."""
-    vehicle = Street(Block(start=Pose(x=0.0, y=-15.0, z=z, yaw=1.57)), "e1", RIG)
+    vehicle = kind(Block(start=Pose(x=0.0, y=-15.0, z=z, yaw=1.57)), "e1", RIG)
     vehicle.walk, vehicle.y = walk, y
-    guard = GuardedVehicle(vehicle, await vehicle.connect(), FlightLimits(), GuardMemory(home=vehicle.pose))
+    memory = GuardMemory(home=vehicle.pose)
+    guard = GuardedVehicle(vehicle, await vehicle.connect(), limits or FlightLimits(), memory)
     await guard.observe()
     await guard.observe()
     return vehicle, guard
@@ -102,6 +123,32 @@ async def test_who_stands_right_beside_a_low_drone_does_not_keep_it_from_rising(
     up, _ = way_over(PlannedFlight(move=to(1.5), why="on"), vehicle.pose, guard.low_m)
     assert guard.can_rise
     assert (await guard.fly(1, up.move)).reached
+
+
+@pytest.mark.parametrize("limits", [FlightLimits(max_height_m=2.6), FlightLimits(keep_out=(WIRES,))])
+async def test_a_low_drone_that_may_not_rise_waits_where_it_is(limits: FlightLimits) -> None:
+    vehicle, guard = await street(1.5, lambda look: -1.5 + 1.0 * (look > 0) + WALK * look, limits=limits)
+    assert not guard.can_rise
+    assert (await guard.fly(1, to(1.5))).reached
+    assert guard.waited_s > 0.5
+    assert vehicle.walk(vehicle.looks) > 4.0
+
+
+async def test_where_the_vehicles_clock_stands_still_a_wait_ends_after_so_many_looks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(passing, "MOST_LOOKS", 20)
+    vehicle, guard = await street(3.0, lambda look: 1.0 if look else -1.0, kind=Timeless)
+    with pytest.raises(FlightRefused, match="walks or drives by"):
+        await guard.fly(1, to(1.5))
+    assert 20 <= vehicle.looks <= 25
+
+
+async def test_a_clock_that_stands_still_does_not_hide_that_somebody_was_waited_for() -> None:
+    vehicle, guard = await street(3.0, lambda look: -1.5 + 1.0 * (look > 0) + WALK * look, kind=Timeless)
+    assert (await guard.fly(1, to(1.5))).reached
+    cleared = next(look for look in range(100) if vehicle.walk(look) > 4.0)
+    assert vehicle.looks >= cleared
 
 
 async def test_where_a_look_ahead_alone_shows_no_way_the_guard_looks_with_all_cameras_before_it_refuses() -> None:
