@@ -19,7 +19,9 @@ Floats = NDArray[np.float64]
 
 _SAMPLE_M = 0.1
 _SURFACE_M = 0.25
+_CELL_M = _SURFACE_M / 2.0
 _NEAR_M = 20.0
+_CELLS = 512
 _LIE_M = 1e-6
 
 
@@ -138,9 +140,14 @@ def at_height(volumes: Sequence[Volume], z: float, room_m: float) -> list[tuple[
 
 def surfaces(volumes: Sequence[Volume], about: Place) -> Points:
     """(N, 3) ENU: what of the volumes lies within 20 m, as points of their sides, floors and ceilings, as if depth had
-    shown them."""
+    shown them. Where volumes overlap, none lies on another."""
     parts = [part for volume in volumes for part in _surface(volume, about)]
-    return np.concatenate([np.zeros((0, 3)), *parts]).astype(np.float32)
+    off = np.concatenate([np.zeros((0, 3)), *parts]) - np.array(about)
+    off = off[np.linalg.norm(off, axis=1) <= _NEAR_M]
+    cells = np.rint(off / _CELL_M).astype(np.int64) + _CELLS // 2
+    _, first = np.unique((cells[:, 0] * _CELLS + cells[:, 1]) * _CELLS + cells[:, 2], return_index=True)
+    points: Points = (off[np.sort(first)] + np.array(about)).astype(np.float32)
+    return points
 
 
 def _surface(volume: Volume, about: Place) -> list[Floats]:
@@ -148,11 +155,7 @@ def _surface(volume: Volume, about: Place) -> list[Floats]:
     if low > high:
         return []
     corners = np.array(volume.outline)
-    sides = [
-        a + np.linspace(0.0, 1.0, max(2, math.ceil(math.dist(a, b) / _SURFACE_M) + 1))[:, None] * (b - a)
-        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)
-    ]
-    rim = _near(np.concatenate(sides), about)
+    rim = np.concatenate([_side_near(a, b, about) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
     heights = np.linspace(low, high, max(2, math.ceil((high - low) / _SURFACE_M) + 1))
     parts = [np.column_stack([np.repeat(rim, len(heights), axis=0), np.tile(heights, len(rim))])]
     first = np.maximum(corners.min(axis=0), (about.x - _NEAR_M, about.y - _NEAR_M))
@@ -165,6 +168,16 @@ def _surface(volume: Volume, about: Place) -> list[Floats]:
     return parts
 
 
-def _near(places: Floats, about: Place) -> Floats:
-    near: Floats = places[np.hypot(places[:, 0] - about.x, places[:, 1] - about.y) <= _NEAR_M]
-    return near
+def _side_near(a: Floats, b: Floats, about: Place) -> Floats:
+    """(N, 2) places along a side, however long: those in the square that reaches 20 m to each side of `about`."""
+    along = b - a
+    first, last = 0.0, 1.0
+    for start, way, middle in zip(a.tolist(), along.tolist(), (about.x, about.y), strict=True):
+        if abs(way) > _LIE_M:
+            shares = sorted(((middle - _NEAR_M - start) / way, (middle + _NEAR_M - start) / way))
+            first, last = max(first, shares[0]), min(last, shares[1])
+        elif abs(start - middle) > _NEAR_M:
+            last = -1.0
+    pieces = max(1, math.ceil(float(np.linalg.norm(along)) / _SURFACE_M))
+    places: Floats = a + along * np.arange(math.ceil(first * pieces), math.floor(last * pieces) + 1)[:, None] / pieces
+    return places

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from navigation.camera import Place
-from navigation.keep_out import Volume, entered, surfaces
+from navigation.keep_out import Volume, _side_near, entered, surfaces
 
 ROOM_M = 0.5
 WIRE = Volume("wire", ((-20.0, 4.5), (20.0, 4.5), (20.0, 5.5), (-20.0, 5.5)), 5.0, 7.0)
@@ -104,3 +104,29 @@ def test_for_a_planner_a_volume_has_sides_a_floor_and_a_ceiling() -> None:
     for at in ((3.0, 4.5, 6.1), (3.0, 5.0, 5.0), (3.0, 5.0, 7.0)):
         assert np.linalg.norm(points - np.array(at), axis=1).min() < 0.3
     assert not len(surfaces([WIRE], Place(0.0, 200.0, 6.0)))
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.3])
+def test_of_a_volume_of_twenty_kilometres_the_same_is_taken_near_by_as_of_all_of_it(turned: float) -> None:
+    east, north = math.cos(turned), math.sin(turned)
+    plan = ((-10_000.0, 4.5), (10_000.0, 4.5), (10_000.0, 5.5), (-10_000.0, 5.5))
+    outline = tuple((x * east - y * north, x * north + y * east) for x, y in plan)
+    points = surfaces([Volume("long", outline, 5.0, 7.0)], Place(0.0, 0.0, 6.0))
+    assert 2_500 < len(points) < 6_000
+    for (ax, ay), (bx, by) in zip(outline[::2], outline[1::2], strict=True):
+        share = np.linspace(0.0, 1.0, 80_001)[:, None]
+        side = np.hstack([np.array((ax, ay)) + share * np.array((bx - ax, by - ay)), np.full((80_001, 1), 6.0)])
+        for place in side[np.linalg.norm(side - (0.0, 0.0, 6.0), axis=1) <= 20.0]:
+            assert np.linalg.norm(points - place, axis=1).min() < 0.13
+
+
+def test_a_side_far_longer_than_what_is_near_gives_no_more_places_than_lie_there() -> None:
+    a, b = np.array((-10_000.0, 3.0)), np.array((10_000.0, 4.0))
+    assert 159 <= len(_side_near(a, b, Place(0.0, 0.0, 5.0))) <= 161
+    assert not len(_side_near(a, b, Place(0.0, 40.0, 5.0)))
+    assert not len(_side_near(np.array((30.0, -5.0)), np.array((30.0, 5.0)), Place(0.0, 0.0, 5.0)))
+
+
+def test_volumes_that_lie_on_each_other_give_the_points_of_one() -> None:
+    here = Place(0.0, 0.0, 6.0)
+    assert len(surfaces([WIRE] * 32, here)) == len(surfaces([WIRE], here))
