@@ -16,8 +16,16 @@ _LEAST_SINE = math.sin(math.radians(LEAST_ANGLE_DEG))
 
 
 def footprint_problem(corners: Sequence[Corner]) -> str | None:
-    """What is wrong with a plan and what would be right; null where it is sound. Wall k goes from corner k to the
-    next."""
+    """What is wrong with a building's plan and what would be right; null where it is sound: an outline that runs
+    counter-clockwise."""
+    problem = outline_problem(corners)
+    if problem is None and signed_area_m2(corners) < 0.0:
+        return "the footprint runs clockwise; give its corners counter-clockwise"
+    return problem
+
+
+def outline_problem(corners: Sequence[Corner]) -> str | None:
+    """The same of an outline, whichever way round it runs. Wall k goes from corner k to the next."""
     n = len(corners)
     walls = [(corners[k], corners[(k + 1) % n]) for k in range(n)]
     for k, (a, b) in enumerate(walls):
@@ -37,14 +45,15 @@ def footprint_problem(corners: Sequence[Corner]) -> str | None:
                 f"walls {i} and {j} {how}; walls meet at their common corners only and keep {LEAST_WALL_M:g} m apart "
                 "elsewhere"
             )
-    if _area_m2(walls) < LEAST_AREA_M2:
-        return f"the footprint must run counter-clockwise and enclose at least {LEAST_AREA_M2:g} m2"
+    if (area_m2 := abs(signed_area_m2(corners))) < LEAST_AREA_M2:
+        return f"{area_m2:.3g} m2 are enclosed; enclose at least {LEAST_AREA_M2:g} m2"
     return None
 
 
-def _area_m2(walls: Sequence[tuple[Corner, Corner]]) -> float:
+def signed_area_m2(corners: Sequence[Corner]) -> float:
     """Negative where the plan runs clockwise. Measured from one of its corners: exact far out as well."""
-    (x, y), _ = walls[0]
+    walls = zip(corners, (*corners[1:], corners[0]), strict=True)
+    x, y = corners[0]
     return sum((a[0] - x) * (b[1] - y) - (b[0] - x) * (a[1] - y) for a, b in walls) / 2
 
 

@@ -2,10 +2,10 @@
 
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from contracts.base import Name, Wire
-from contracts.footprint import footprint_problem
+from contracts.footprint import outline_problem
 from contracts.geometry import Point2
 
 MAX_KEEP_OUT = 32
@@ -23,10 +23,8 @@ class KeepOut(Wire):
 
     @model_validator(mode="after")
     def _sound(self) -> Self:
-        corners = self.corners
-        twice_area = sum(a[0] * b[1] - b[0] * a[1] for a, b in zip(corners, (*corners[1:], corners[0]), strict=True))
-        if problem := footprint_problem(corners if twice_area > 0 else corners[::-1]):
-            raise ValueError(f"keep-out volume {self.name}: {problem}")
+        if problem := outline_problem(self.corners):
+            raise ValueError(f"keep-out volume {self.name}: {problem.replace('wall', 'side')}")
         if self.min_height_m >= self.max_height_m:
             raise ValueError(f"keep-out volume {self.name}: min_height_m must be less than max_height_m")
         return self
@@ -37,7 +35,15 @@ class KeepOut(Wire):
         return tuple((p.x, p.y) for p in self.outline)
 
 
-KeepOuts = Annotated[tuple[KeepOut, ...], Field(max_length=MAX_KEEP_OUT)]
+def _named_apart(volumes: tuple[KeepOut, ...]) -> tuple[KeepOut, ...]:
+    names = [volume.name for volume in volumes]
+    twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+    if twice is not None:
+        raise ValueError(f"two keep-out volumes are named {twice}; give each a name of its own")
+    return volumes
+
+
+KeepOuts = Annotated[tuple[KeepOut, ...], Field(max_length=MAX_KEEP_OUT), AfterValidator(_named_apart)]
 AllKeepOuts = Annotated[tuple[KeepOut, ...], Field(max_length=2 * MAX_KEEP_OUT)]
 """The operator's and a request's."""
 

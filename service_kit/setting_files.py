@@ -15,10 +15,14 @@ T = TypeVar("T", bound=BaseModel)
 def read_toml(variable: str, path: Path, wanted: type[T]) -> T:
     """What the file that `variable` names holds. Raises BadSetting with one line that says what is wrong."""
     try:
-        return wanted.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return wanted.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
     except OSError as error:
         raise BadSetting(f"{variable}={path}: {error.strerror}; name a readable file") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise BadSetting(f"{variable}={path}: not TOML: {error}") from None
     except ValidationError as error:
         raise BadSetting(f"{variable}={path}: {first_problem(error)}") from None
+    except RecursionError:
+        raise BadSetting(f"{variable}={path}: not TOML that can be read: brackets within brackets too deep") from None
+    except ValueError as error:  # an integer of more digits than Python reads
+        raise BadSetting(f"{variable}={path}: not TOML that can be read: {error}") from None
