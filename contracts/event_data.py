@@ -217,7 +217,8 @@ class SearchData(Wire):
 
 class MoveData(Wire):
     """One flight, from `start` (on the wire: `from`) along `path` to `to`; `reached` is false where something stopped
-    it early. `path_m` and `flight_s` are of this move."""
+    it early. `path_m` and `flight_s` are of this move; `waited_s`: so long it was put off before that, for who walked
+    or drove by, 0 where a step that had flown it was done again."""
 
     model_config = ConfigDict(serialize_by_alias=True, validate_by_name=True)
 
@@ -230,6 +231,7 @@ class MoveData(Wire):
     hit: str | None
     path_m: Metres
     flight_s: Seconds
+    waited_s: Seconds = 0.0
 
     @property
     def corners(self) -> tuple[Point3, ...]:

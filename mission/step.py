@@ -235,13 +235,11 @@ class Step:
             if refusal.reason != "passer_by" or not self._rise(flight, refusal):
                 await self._refused(flight, refusal)
             return
-        if (waited_s := self.drone.vehicle.waited_s) > 0.0:
-            self.write(f"waited {waited_s:.1f} s for somebody to walk or drive by", NoData())
         self.update(guard=self.drone.vehicle.memory, refusals=0 if move.path else self.state.refusals)
         trail = (*self.state.trail, *move.path[:-1], point_of(done.pose)) if move.path else self.state.trail
         self.update(drone=done.vehicle, arrived=done.reached, trail=trail)
         self.update(flight=self.state.interrupted if done.reached else None, interrupted=None)
-        kind = MoveData if move.path else TurnData
+        kind, waited_s = MoveData if move.path else TurnData, self.drone.vehicle.waited_s
         self.write(
             flight.why + ("" if done.reached else f"; stopped early{f' by {done.hit}' if done.hit else ''}"),
             kind(
@@ -254,6 +252,7 @@ class Step:
                 hit=done.hit,
                 path_m=round(done.path_m, 3),
                 flight_s=round(done.flight_s, 3),
+                waited_s=round(waited_s, 3),
             ),
         )
         if done.collided or done.vehicle.collided:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from contracts.event_data import MoveData
 from contracts.flight_limits import FlightLimits
 from contracts.geometry import Point2, Point3, Pose
 from contracts.keep_out import KeepOut
@@ -16,8 +17,10 @@ from mission.frames import FlightRefused
 from mission.guard import GuardedVehicle
 from mission.mission import Mission, begin
 from mission.passing import OVER_M, way_over
+from mission.policies import policy_of
 from mission.stages import Ended
 from mission.state import GuardMemory, MissionState, PlannedFlight
+from mission.step import Drone, MissionContext, Step
 from tests.mission.block import Block
 from tests.mission.block_vehicle import BlockVehicle, BlockWorld
 from tests.mission.box_world import RIG, block_placement, block_ports
@@ -209,6 +212,25 @@ async def mission_among_people(rests_below_m: float) -> tuple[MissionState, Even
         if state.over:
             break
     return state, log
+
+
+async def test_a_step_that_waited_and_is_done_again_tells_the_same() -> None:
+    vehicle, guard = await street(3.0, lambda look: -1.5 + 1.0 * (look > 0) + WALK * look)
+    world, log, settings = BlockWorld(vehicle.block), Events(), MissionSettings()
+    context = MissionContext(
+        block_ports(world), block_placement(world), settings, policy_of(settings.viewpoint), log,
+        drone=Drone(guard, await guard.connect()),
+    )  # fmt: skip
+    state = begin("floor 1, the green flower pot").model_copy(update={"drone": await guard.state()})
+    once, again = Step(state, context), Step(state, context)
+    low = PlannedFlight(move=to(1.5), why="down")
+    await once.fly(low)
+    await again.fly(low)
+    first, second = log
+    assert (first.number, first.kind, first.message) == (second.number, second.kind, second.message)
+    assert isinstance(first.data, MoveData)
+    assert first.data.waited_s > 0.5
+    assert once.state.events == again.state.events
 
 
 async def test_a_mission_to_the_ground_floor_goes_on_above_the_heads_and_says_so() -> None:
