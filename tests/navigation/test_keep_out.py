@@ -76,9 +76,9 @@ def _turns(count: int) -> np.ndarray:
 
 
 def _away_m(places: np.ndarray, volume: Volume) -> np.ndarray:
-    """Of places (N, 3), on the plan; inf above the ceiling and below the floor."""
+    """Of places (N, 3), on the plan; inf above the ceiling and below the floor. Who is on either is in the volume."""
     away = shapely.distance(shapely.points(places[:, :2]), shapely.Polygon(volume.outline))
-    level = (places[:, 2] > volume.floor_m) & (places[:, 2] < volume.ceiling_m)
+    level = (places[:, 2] >= volume.floor_m - 1e-6) & (places[:, 2] <= volume.ceiling_m + 1e-6)
     return np.where(level, away, np.inf)
 
 
