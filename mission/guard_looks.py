@@ -27,10 +27,12 @@ class GuardLooks:
     def __init__(
         self, memory: GuardMemory, cameras: int, max_jump_m: float, low_m: float, clock: Callable[[], float]
     ) -> None:
-        """`memory`: of the same mission's earlier flights."""
+        """`memory`: of the same mission's earlier flights. `resumed`: people or cars moved before this guard began to
+        look, and no looks of its own have shown yet where they are."""
         self.low_m = low_m
         self.frames = FrameWatch(cameras, max_jump_m)
         self.reach_m, self.top_m, self.passers_by = memory.reach_m, memory.top_m, memory.passers_by
+        self.resumed = memory.passers_by
         self._cameras, self._clock = cameras, clock
         self._looks: list[guard.Look] = []
         self._looked_s = -math.inf

@@ -19,6 +19,8 @@ WAIT_S = 8.0
 LOOK_EVERY_S = 0.1
 MOST_LOOKS = 200
 """Nor for more looks than that: a vehicle's clock may stand still."""
+RESUMED_S = 2.0
+"""So long must looks show nobody that begin anew after somebody was seen to move: in one look nothing moves."""
 CLEAR_LOOKS = 3
 """After a wait so many looks in a row must show nobody."""
 OVER_M = 0.5
@@ -47,6 +49,7 @@ class Wait(NamedTuple):
         begun_s = looked_s = await self.look()
         await check()
         clear = looks = 0
+        least_s = RESUMED_S if self.seen.resumed else 0.0
         while True:
             near = passers_by.in_the_way(path, pose, self.speed_m_s, self.seen.low_m, self.seen.movers())
             clear = clear + 1 if near is None else 0
@@ -54,14 +57,15 @@ class Wait(NamedTuple):
             if near is not None and (waited_s > WAIT_S or looks >= MOST_LOOKS or self.rises()):
                 said = f"somebody walks or drives by, {near.away_m:.1f} m from the way"
                 raise FlightRefused("passer_by", said, Point3(x=near.at.x, y=near.at.y, z=near.at.z))
-            if clear and not looks:
+            if clear and not looks and not self.seen.resumed:
                 return 0.0
-            if clear >= CLEAR_LOOKS:
+            if clear >= CLEAR_LOOKS and (waited_s >= least_s or looks >= MOST_LOOKS):
                 break
             await asyncio.sleep(LOOK_EVERY_S)
             looked_s = await self.look(instead=True)
             looks += 1
         await check()
+        self.seen.resumed = False
         return max(waited_s, 0.0)
 
 

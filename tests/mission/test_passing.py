@@ -16,7 +16,7 @@ from mission import passing
 from mission.frames import FlightRefused
 from mission.guard import GuardedVehicle
 from mission.mission import Mission, begin
-from mission.passing import OVER_M, way_over
+from mission.passing import OVER_M, RESUMED_S, way_over
 from mission.policies import policy_of
 from mission.stages import Ended
 from mission.state import GuardMemory, MissionState, PlannedFlight
@@ -98,6 +98,20 @@ async def test_from_above_a_drone_waits_until_nobody_could_come_into_its_way_dow
     assert (await guard.fly(1, to(1.5))).reached
     assert guard.waited_s > 0.5
     assert vehicle.walk(vehicle.looks) > 4.0
+
+
+async def test_a_guard_that_carries_on_after_somebody_moved_looks_until_it_would_see_them_move() -> None:
+    """Of whoever stands in plain sight at its first look nothing tells that they walk."""
+    first, guard = await street(3.0, lambda look: -2.5 + 0.5 * look)
+    assert guard.memory.passers_by
+    vehicle = Street(first.block, "e1", RIG)
+    vehicle.walk, vehicle.y = (lambda look: -1.5 + WALK * look), first.y
+    carried_on = GuardedVehicle(vehicle, await vehicle.connect(), FlightLimits(), guard.memory)
+    assert (await carried_on.fly(1, to(1.5))).reached
+    assert carried_on.waited_s >= RESUMED_S
+    assert vehicle.walk(vehicle.looks) > 3.0
+    assert (await carried_on.fly(2, to(3.0))).reached
+    assert carried_on.waited_s == 0.0
 
 
 async def test_who_never_goes_away_is_waited_for_so_long_and_no_longer() -> None:
