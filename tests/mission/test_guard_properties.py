@@ -65,7 +65,7 @@ KEEP_OUT = st.lists(
     ),
     min_size=1,
     max_size=3,
-)
+).map(lambda volumes: [volume.model_copy(update={"name": f"wire-{at}"}) for at, volume in enumerate(volumes)])
 PLANS = st.lists(st.tuples(st.lists(STEPS, max_size=3), st.floats(-3.0, 3.0)), min_size=1, max_size=4)
 FAULTS = st.sampled_from(["none", "none", "invalid", "half", "specks", "sky"])
 
