@@ -14,7 +14,6 @@ metres_per_unit = 0.001
 
 import asyncio
 import time
-import tomllib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -30,6 +29,7 @@ from contracts.errors import first_problem
 from contracts.images import NO_RETURN, DepthMap, encode_depth_units, encode_jpeg
 from contracts.vehicle import SensedView
 from service_kit.errors import Unavailable
+from service_kit.setting_files import BadFile, toml_of
 from services.mavlink_vehicle.cameras.calibration import BadCalibration, Rectifier, read_calibration
 from services.mavlink_vehicle.cameras.grabber import Frame, Grabber
 from services.mavlink_vehicle.cameras.port import PoseAt, Seen
@@ -110,16 +110,14 @@ class FilmedCameras:
     def load(cls, path: Path) -> "FilmedCameras":
         """As that file names them. Raises BadCameras."""
         try:
-            file = CamerasFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+            file = toml_of(path, CamerasFile)
             filmed = [_filmed(entry, path.parent) for entry in file.cameras]
             flyable(Rig(name="vehicle", cameras=tuple(one.camera for one in filmed)))
         except OSError as error:
             raise BadCameras(f"{path}: {error.strerror}; name a readable file") from None
-        except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise BadCameras(f"{path}: not TOML: {error}") from None
         except ValidationError as error:
             raise BadCameras(f"{path}: {first_problem(error)}") from None
-        except (BadCalibration, BadRig) as error:
+        except (BadFile, BadCalibration, BadRig) as error:
             raise BadCameras(f"{path}: {error}") from None
         return cls(filmed)
 

@@ -208,3 +208,9 @@ def test_a_file_that_names_no_usable_cameras_is_refused_in_one_line(
     with pytest.raises(BadCameras, match=said) as refused:
         FilmedCameras.load(written(filming, text))
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["x = " + "[" * 5_000, "x = " + "1" * 5_000])
+def test_a_camera_file_beyond_what_toml_readers_take_is_told_by_name(tmp_path: Path, text: str) -> None:
+    with pytest.raises(BadCameras, match=r"cameras\.toml: not TOML that can be read"):
+        FilmedCameras.load(written(tmp_path / "cameras.toml", text))
