@@ -30,9 +30,6 @@ from service_kit.addresses import Addresses
 from service_kit.connections import Connections
 from service_kit.settings import BadSetting, process_environment
 
-PATIENCE_S = 30.0
-"""How long services of somebody else's may be away, because they are started again."""
-
 
 def deliver(
     request: Annotated[str | None, typer.Argument(help="The customer's words; a sample brings its own.")] = None,
@@ -134,11 +131,10 @@ async def _deliver(
         stack.enter_context(view)
         if at is None:
             view.note("starting the services")
-        patience_s = PATIENCE_S if at is not None else 0.0
-        local = AsyncLocalServices(oracle=backend == ORACLE, at=at, logs=out / "logs", patience_s=patience_s)
+        local = AsyncLocalServices(oracle=backend == ORACLE, at=at, logs=out / "logs")
         services = (await stack.enter_async_context(local)).clients
         await check_flight(services, backend, order.settings.parser_model)
         run = Run(order, out, listener=view.show)
         asked = TerminalCustomer(console, view) if terminal and sys.stdin.isatty() else None
         customer = AnsweredBeforehand(answers, asked) if answers or asked else None
-        return run, await run.fly(services.simulated(), customer)
+        return run, await run.fly(services.simulated(), customer, local.patience)

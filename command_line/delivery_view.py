@@ -40,6 +40,7 @@ STYLES = {
     "look": "yellow",
     "direction": "magenta",
     "lost": "red",
+    "outage": "bold yellow",
     "verdict": "bold",
 }
 Show = Callable[[Event], None]

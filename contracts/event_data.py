@@ -268,6 +268,14 @@ class RefusedData(Wire):
     action: GuardAction
 
 
+class OutageData(Wire):
+    """A machine that the next step needs is away, and waited for, or back after `waited_s` (`over`)."""
+
+    why: str
+    waited_s: Seconds
+    over: bool
+
+
 EventData: TypeAlias = (
     NoData
     | ParsedData
@@ -286,6 +294,7 @@ EventData: TypeAlias = (
     | ApproachData
     | LostData
     | RefusedData
+    | OutageData
     | Verdict
     | DeliveryResult
 )

@@ -28,6 +28,7 @@ from contracts.event_data import (
     LostData,
     MoveData,
     NoData,
+    OutageData,
     ParsedData,
     PlacedData,
     RefusedData,
@@ -152,6 +153,13 @@ class RefusedEvent(MissionEvent):
     data: RefusedData
 
 
+class OutageEvent(MissionEvent):
+    """A model or a service is away and waited for, or back (`over`)."""
+
+    kind: Literal["outage"] = "outage"
+    data: OutageData
+
+
 class VerdictEvent(MissionEvent):
     kind: Literal["verdict"] = "verdict"
     data: Verdict
@@ -188,6 +196,7 @@ KnownEvent: TypeAlias = (
     | ApproachEvent
     | LostEvent
     | RefusedEvent
+    | OutageEvent
     | VerdictEvent
     | ResultEvent
 )

@@ -126,7 +126,8 @@ class CustomersDrone(Wire):
 
 class Tracking(Wire):
     """What the customer of a delivery is shown. `question`: what they are asked; `drone`: null where none flies, or
-    where it does not tell where it is (`silent`); `picture`: there is one of the stop."""
+    where it does not tell where it is (`silent`); `held_up`: a service or a model that it needs is away and waited for;
+    `picture`: there is one of the stop."""
 
     time: AwareDatetime
     request: str
@@ -138,6 +139,7 @@ class Tracking(Wire):
     question: OpenQuestion | None
     drone: CustomersDrone | None
     silent: bool
+    held_up: bool
     outlook: Outlook
     outcome: OutcomeName | None
     picture: bool

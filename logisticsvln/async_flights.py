@@ -27,6 +27,7 @@ from logisticsvln.vision import Model, OwnVision
 from mission.clients import Services, Simulated
 from mission.customer import AnsweredBeforehand, Customer
 from mission.model_check import WrongModel, check_models
+from mission.outages import DEFAULT_WITHIN_S, Patience
 from mission.record import read_events
 from orchestrator.delivery import BadDelivery, Listener, Order, Run
 from service_kit.addresses import FLIGHT_SERVICES, Addresses
@@ -110,7 +111,7 @@ class AsyncLocalServices:
         at: Addresses | None = None,
         logs: Path | None = None,
         settings: Mapping[str, Mapping[str, str]] | None = None,
-        patience_s: float = 0.0,
+        patience_s: float = DEFAULT_WITHIN_S,
     ) -> None:
         """Takes what the flights have in common.
 
@@ -119,7 +120,7 @@ class AsyncLocalServices:
         at: Services that run already, instead of starting some.
         logs: Where what the services say is kept; nowhere without it.
         settings: More environment variables by service, such as `{"sim": {"SIM_CATALOGUE": "my-things"}}`.
-        patience_s: How long a service may be away before a flight fails for it.
+        patience_s: How long a service or a model may be away before a flight fails for it; the drone holds meanwhile.
         """
         self._oracle = oracle
         self._at = at
@@ -128,6 +129,7 @@ class AsyncLocalServices:
         self._patience_s = patience_s
         self._stack = contextlib.AsyncExitStack()
         self._clients: Services | None = None
+        self._own: Processes | None = None
 
     @property
     def clients(self) -> Services:
@@ -135,6 +137,12 @@ class AsyncLocalServices:
         if self._clients is None:
             raise RuntimeError("the services run inside `with` only")
         return self._clients
+
+    @property
+    def patience(self) -> Patience:
+        """With what is away; a service of our own that has ended is started again by nobody."""
+        own = self._own
+        return Patience(self._patience_s, lambda: own is not None and own.ended() is not None)
 
     async def fly(
         self,
@@ -180,7 +188,7 @@ class AsyncLocalServices:
         await self._check(seeing, order.settings.parser_model, roles=own is None or own.asks_others)
         run = Run(order, Path(out), listener=on_event)
         _MISSIONS.addHandler(_NOBODY)
-        result = await run.fly(self._simulated(own), customer)
+        result = await run.fly(self._simulated(own), customer, self.patience)
         if run.problem is not None:
             run.problem.add_note(f"the record of the flight is in {run.record.folder}")
             raise run.problem.with_traceback(authors_part(run.problem))
@@ -192,7 +200,7 @@ class AsyncLocalServices:
         try:
             at = self._at or await self._started(environment)
             tokens = Connections.read(environment).tokens
-            self._clients = await self._stack.enter_async_context(Services(at, tokens, self._patience_s))
+            self._clients = await self._stack.enter_async_context(Services(at, tokens))
         except BaseException:
             await self._stack.aclose()
             raise
@@ -201,7 +209,7 @@ class AsyncLocalServices:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._clients = None
+        self._clients = self._own = None
         await self._stack.aclose()
 
     async def _started(self, environment: Mapping[str, str]) -> Addresses:
@@ -211,8 +219,8 @@ class AsyncLocalServices:
             extra[name] = extra.get(name, {}) | more
         logs = self._logs or Path(self._stack.enter_context(TemporaryDirectory(prefix="logisticsvln-")))
         folder = logs / time.strftime("%Y%m%d-%H%M%S")
-        own = Processes(ports, folder, environment=environment, extra=extra)
-        return (await self._stack.enter_async_context(own)).addresses
+        self._own = Processes(ports, folder, environment=environment, extra=extra)
+        return (await self._stack.enter_async_context(self._own)).addresses
 
     async def _check(self, seeing: str | None, parsing: str | None, *, roles: bool) -> None:
         """Raises BadDelivery, PortError."""

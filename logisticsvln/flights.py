@@ -22,6 +22,7 @@ from logisticsvln.async_flights import ORACLE, AsyncLocalServices, Flown, asked_
 from logisticsvln.policies import Policy
 from logisticsvln.vision import Model
 from mission.customer import Customer
+from mission.outages import DEFAULT_WITHIN_S
 from orchestrator.delivery import Listener
 from service_kit.addresses import Addresses
 
@@ -42,6 +43,7 @@ class LocalServices:
         at: Addresses | None = None,
         logs: Path | None = None,
         settings: Mapping[str, Mapping[str, str]] | None = None,
+        patience_s: float = DEFAULT_WITHIN_S,
     ) -> None:
         """Takes what the flights have in common.
 
@@ -50,8 +52,9 @@ class LocalServices:
         at: Services that run already, instead of starting some.
         logs: Where what the services say is kept; nowhere without it.
         settings: More environment variables by service, such as `{"sim": {"SIM_CATALOGUE": "my-things"}}`.
+        patience_s: How long a service or a model may be away before a flight fails for it; the drone holds meanwhile.
         """
-        self._services = AsyncLocalServices(oracle=oracle, at=at, logs=logs, settings=settings)
+        self._services = AsyncLocalServices(oracle=oracle, at=at, logs=logs, settings=settings, patience_s=patience_s)
         self._loop = LoopThread()
 
     def fly(

@@ -4,6 +4,7 @@ import time
 from typing import assert_never
 
 from contracts.orchestrator import OutcomeName
+from mission.outages import try_again
 from mission.stage_actions.approaching import check_candidate, close_in, face_candidate
 from mission.stage_actions.asking import wait_for_answer
 from mission.stage_actions.beginning import place_drone, preflight, read_request
@@ -63,16 +64,17 @@ async def run(step: Step) -> MissionState:
     """`advance` on a step at hand, whose `state` tells how far it came where this is broken off."""
     started = time.perf_counter()
     try:
+        await try_again(step)
         if step.state.flight is not None:
             await step.fly(step.state.flight)
-        if step.state.flight is not None:  # the next flight comes before anything else
-            return step.state
-        stage = await _act(step, step.state.stage)
-        step.update(stage=stage)
+            step.settle()
+        if step.state.flight is None:  # else the next flight comes before anything else
+            step.update(stage=await _act(step, step.state.stage))
     except MissionEnd as end:
         step.update(stage=_ended(step, end))
     finally:
         step.spend("total", time.perf_counter() - started)
+    step.settle()
     return step.state
 
 

@@ -121,11 +121,9 @@ class Simulated(NamedTuple):
 class Services:
     """The HTTP clients of all four services. Use as an async context manager."""
 
-    def __init__(self, at: Addresses, tokens: Tokens = NO_TOKENS, patience_s: float = 0.0) -> None:
-        """`patience_s`: how long a service may be away before a call to it fails."""
-
+    def __init__(self, at: Addresses, tokens: Tokens = NO_TOKENS) -> None:
         def client(service: str, url: str, timeout_s: float, token: str | None) -> ServiceClient:
-            return ServiceClient(service, url, timeout_s=timeout_s, token=token, patience_s=patience_s)
+            return ServiceClient(service, url, timeout_s=timeout_s, token=token)
 
         self.llm_parser = client("llm_parser", at.llm_parser, MODEL_DEADLINE_S, tokens.llm_parser)
         self.vlm_gateway = client("vlm_gateway", at.vlm_gateway, MODEL_DEADLINE_S, tokens.vlm_gateway)

@@ -36,9 +36,8 @@ _LIE_M = 1e-6
 
 
 class GuardedVehicle:
-    """A vehicle that flies only what the guard lets it fly. The same interface as any `Vehicle`; `fly` may raise
-    FlightRefused as well. `clock`: seconds that only go forward. `waited_s`: so long the last flight waited for who
-    walked by."""
+    """A vehicle that flies only what the guard lets it fly: any `Vehicle`, but `fly` may raise FlightRefused as well.
+    `clock`: seconds that only go forward. `waited_s`: so long the last flight waited for who walked by."""
 
     def __init__(
         self,
@@ -167,6 +166,10 @@ class GuardedVehicle:
             await self.hold()
         return action
 
+    async def watch(self) -> None:
+        """Raises FlightRefused where it may not go on holding, PortError."""
+        self._check_vehicle(Move(), await self._vehicle.state())
+
     @property
     def distrust(self) -> FlightRefused | None:
         """Why the last look is not to be gone by; null where it is."""
@@ -234,9 +237,8 @@ class GuardedVehicle:
         return seen.time_s if seen.time_s is not None else self._clock()
 
     def _space(self) -> Space:
-        limits, home = self.limits, Place(self._home.x, self._home.y, self._home.z)
-        kept_out = volumes(limits.keep_out)
-        return Space(home, limits.geofence_m, limits.min_height_m, self.ceiling_m, self._room_m, kept_out)
+        of, home = self.limits, Place(self._home.x, self._home.y, self._home.z)
+        return Space(home, of.geofence_m, of.min_height_m, self.ceiling_m, self._room_m, volumes(of.keep_out))
 
     def _check_vehicle(self, move: Move, state: VehicleState) -> None:
         limits = self.limits

@@ -7,6 +7,7 @@ every free constant.
 import asyncio
 import contextlib
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,13 +16,14 @@ from contracts.orchestrator import DeliveryResult, MissionSettings, OutcomeName
 from mission.advance import run
 from mission.clearances import within_limits
 from mission.customer import Customer
+from mission.outages import Patience, put_off, told_with_waiting
 from mission.placement import Placement
 from mission.policies import completed, policy_of
 from mission.policies.base import AnyPolicy
 from mission.ports import ModelUnreachable, PortError, Ports, ServiceUnreachable
 from mission.record import Log
 from mission.stages import Ended
-from mission.state import MissionState, begin
+from mission.state import MissionState, Outage, begin
 from mission.step import MissionContext, Step
 
 log = logging.getLogger("mission")
@@ -47,15 +49,18 @@ class Mission:
         customer: Customer | None = None,
         keep: Keep | None = None,
         policy: AnyPolicy | None = None,
+        patience: Patience | None = None,
     ) -> None:
         """`limits`: the operator's, which the settings may tighten. Without a `customer` nobody is asked: a request
         that leaves something open ends the mission. `policy`: searches instead of the one that the settings name.
-        Raises BadSearch for a search policy that there is not, or settings that it has not got."""
+        `patience`: with services and models that are away; without it there is none. Raises BadSearch for a search
+        policy that there is not, or settings that it has not got."""
         limits = (limits or FlightLimits()).tightened(settings.limits)
         settings = within_limits(completed(settings, policy), limits)
         policy = policy or policy_of(settings.viewpoint)
         self._context = MissionContext(ports, placement, settings, policy, events, limits, customer)
         self._keep = keep
+        self._patience = patience or Patience()
         self.problem: Exception | None = None
         """The unexpected error that a mission with outcome `failed` broke off by, where it was one."""
 
@@ -76,20 +81,24 @@ class Mission:
         """The result of a mission that has ended. Raises ValueError for one that has not."""
         return result_of(state, self._context)
 
-    def look_up_again(self) -> None:
-        """The next step asks anew for the vehicle: the one at hand may have gone."""
-        self._context = replace(self._context, drone=None)
-
     async def advanced(self, state: MissionState) -> MissionState:
-        """The next state; every way that a step can break off ends the mission, and has a name."""
+        """The next state; a step for which a machine is away is put off, and tried again by the next call. Every other
+        way that a step can break off ends the mission, and has a name."""
         step = Step(state, self._context)
+        began = time.monotonic()
         try:
+            if state.outage is not None:
+                await step.timed("outage", self._patience.pause(state.outage))
             step.context = self._context = await self._context.with_drone(state)
             state = await run(step)
             self._context = step.context
             return state
         except PortError as error:
-            end = Ended(outcome=_outcome_of(error), message=str(error))
+            before, tried_s = step.settled.outage, time.monotonic() - began
+            outage = self._patience.outage(before, error, tried_s)
+            if outage is not None:
+                return self._put_off(step, outage, error)
+            end = Ended(outcome=_outcome_of(error), message=told_with_waiting(error, before, tried_s))
         except asyncio.CancelledError:
             task = asyncio.current_task()
             if task is not None:
@@ -100,10 +109,21 @@ class Mission:
             self.problem = error
             end = Ended(outcome="failed", message=f"an unexpected {type(error).__name__} during {step.state.phase}")
         self._context = step.context
+        if step.settled.outage is not None:
+            step.unsettle()
         if step.state.flight is not None:
             await _look_where_it_stopped(step)
-        step.update(stage=end, flight=None)
+        step.update(stage=end, flight=None, outage=None)
+        step.settle()
         return step.state
+
+    def _put_off(self, step: Step, outage: Outage, error: PortError) -> MissionState:
+        log.warning("%s waits, try %d: %s", step.state.key, outage.tries, outage.why)
+        state = put_off(step, outage, self._patience.within_s)
+        there = isinstance(error, ModelUnreachable) and state.vehicle is not None
+        # the vehicle at hand may have gone with its service, and is asked for anew
+        self._context = step.context if there else replace(step.context, drone=None)
+        return state
 
     async def release(self, state: MissionState) -> None:
         """Gives the state's vehicle back, where it has one."""

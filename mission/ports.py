@@ -3,12 +3,16 @@
 PortError               a port brought no answer of its contract
   ModelUnreachable      the model behind it can't be reached, or not in time: no answer, so nothing to score
     UnknownModel        the gateway has no model of that name; the message names those there are
-  ServiceUnreachable    the service itself can't be reached, is full or broken, or refuses our token
+    ModelRejected       its server refuses what it is asked, or us; or it was never asked this, in a replay
+  ServiceUnreachable    the service itself can't be reached, is full or broken
+    ServiceUnusable     it refuses our token, or is not our service, or not of this version
   ServiceRefused        the service answered with an error of its own
+
+Only what is `passing` may be over in a moment, so that asking again may help (`mission.outages`).
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from contracts.depth_assist import (
     ApproachAnswer,
@@ -38,17 +42,37 @@ from contracts.vlm_gateway import (
 class PortError(Exception):
     """A port brought no answer of its contract; the message says which and why."""
 
+    passing: ClassVar[bool] = False
+
 
 class ModelUnreachable(PortError):
     """The model behind a service can't be reached, or not in time."""
+
+    passing = True
 
 
 class UnknownModel(ModelUnreachable):
     """There is no model of that name; the message names those there are."""
 
+    passing = False
+
+
+class ModelRejected(ModelUnreachable):
+    """The model's server refuses what it is asked, or whoever asks; or nothing was recorded of this question."""
+
+    passing = False
+
 
 class ServiceUnreachable(PortError):
-    """Nobody answered in time, or only to say that it can't serve, or not us."""
+    """Nobody answered in time, or only to say that it can't serve."""
+
+    passing = True
+
+
+class ServiceUnusable(ServiceUnreachable):
+    """It answers, and refuses our token, or says what our service would not say."""
+
+    passing = False
 
 
 class ServiceRefused(PortError):

@@ -51,6 +51,16 @@ class LookUnderWay(Wire):
     seen: tuple[Observation, ...] = ()
 
 
+class Outage(Wire):
+    """A machine that the next step needs is away: `why` it could not be done the last time, how often it was tried,
+    and for how long it has been waited for, `waited_s`, the times in which no process carried the mission on left
+    out."""
+
+    why: str
+    tries: int = 1
+    waited_s: float = 0.0
+
+
 class GuardMemory(Wire):
     """What the flight guard knows of a mission's earlier flights: where it started, and with which share of a full
     battery (`charge`), how high reaches what depth has shown beside the drone, how far the depth sensors have shown
@@ -75,7 +85,8 @@ class MissionState(Wire):
     final height showed the row of windows asked for, null where nothing tells. `start_remark`: what was amiss where the
     drone began, for the customer. `guard`: what the flight guard remembers, null before there is a drone; `refusals`:
     flights that it has refused since the last one it let happen; `rose_at`: the number of the last move that was
-    planned straight up, out of reach of who walks by. `silent_looks` counts useless answers in a row,
+    planned straight up, out of reach of who walks by. `outage`: the next step was tried before, and put off.
+    `silent_looks` counts useless answers in a row,
     `approaches` those begun and given up. `elsewhere`: where else such a thing was seen, for the customer; `another`:
     where a second one was surely seen, at another window that the request fits as well. `at_foot`: a building stood
     near ahead where the drone began; `no_building`: the yaws in which what looked like a facade had no floor, or not
@@ -107,6 +118,7 @@ class MissionState(Wire):
     guard: GuardMemory | None = None
     refusals: int = 0
     rose_at: int = -1
+    outage: Outage | None = None
     exploration_steps: int = 0
     silent_looks: int = 0
     approaches: int = 0

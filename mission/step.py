@@ -19,6 +19,7 @@ from contracts.vlm_gateway import Answer, Role
 from mission.customer import Customer
 from mission.frames import FINAL, FlightRefused
 from mission.guard import GuardedVehicle, guarded
+from mission.held_log import HeldLog
 from mission.looks import Look, Sight, look_of, navigation_camera
 from mission.model_calls import Reply, ask
 from mission.passing import way_over
@@ -113,10 +114,11 @@ class MissionContext:
 
 
 class Step:
-    """One step: `state` begins as the one given and ends as the next."""
+    """One step: `state` begins as the one given and ends as the next; what is `settled` is never done again."""
 
     def __init__(self, state: MissionState, context: MissionContext) -> None:
-        self.state = state
+        self.state = self.settled = state
+        self._log = HeldLog(context.log)
         self.context = context
         self.ports, self.settings, self.policy = context.ports, context.settings, context.policy
 
@@ -124,6 +126,16 @@ class Step:
         """Replaces fields of the state."""
         assert changes.keys() <= MissionState.model_fields.keys(), changes.keys()
         self.state = self.state.model_copy(update=changes)
+
+    def settle(self) -> None:
+        """What was done so far stands."""
+        self._log.tell()
+        self.settled = self.state
+
+    def unsettle(self) -> None:
+        """Back to what stands, but for what calls have cost, and shown the guard."""
+        self._log.drop()
+        self.state = self.settled.model_copy(update={n: getattr(self.state, n) for n in ("calls", "seconds", "guard")})
 
     @property
     def drone(self) -> Drone:
@@ -156,7 +168,7 @@ class Step:
     def write(self, message: str, data: EventData, pictures: Pictures | None = None) -> None:
         """One event of the phase under way."""
         self.update(events=self.state.events + 1)
-        self.context.log.write(self.state.events, self.state.phase, message, data, pictures)
+        self._log.write(self.state.events, self.state.phase, message, data, pictures)
 
     def enter(self, phase: Phase, message: str) -> None:
         """The next phase begins."""
@@ -165,8 +177,7 @@ class Step:
 
     def count_stop(self) -> None:
         """This stop carries a model query; several queries at the same place are one stop."""
-        moves = self.flown.moves
-        if self.state.counted_at != moves:
+        if self.state.counted_at != (moves := self.flown.moves):
             stop = Stop(phase=self.state.phase, pose=self.pose)
             self.update(counted_at=moves, steps=self.state.steps + 1, stops=(*self.state.stops, stop))
 
@@ -203,7 +214,7 @@ class Step:
                 break
             seen = await self.timed("observe", vehicle.observe(cameras))
         if vehicle.distrust is not None:
-            await self._stop(vehicle.distrust, (), f"the flight guard stops the mission: {vehicle.distrust.message}")
+            await self.stop(vehicle.distrust, (), f"the flight guard stops the mission: {vehicle.distrust.message}")
         for part, seconds in seen.timings_s.items():
             self.spend(part, seconds)
         self.update(guard=self.drone.vehicle.memory)
@@ -277,10 +288,10 @@ class Step:
         path = flight.move.path
         self.update(flight=None, interrupted=None, arrived=False, refusals=self.state.refusals + 1)
         if refusal.reason in FINAL or self.state.refusals >= MAX_REFUSALS:
-            await self._stop(refusal, path, said)
+            await self.stop(refusal, path, said)
         self.write(said, RefusedData(reason=refusal.reason, at=refusal.at, path=path, action="none"))
 
-    async def _stop(self, refusal: FlightRefused, path: tuple[Point3, ...], said: str) -> None:
+    async def stop(self, refusal: FlightRefused, path: tuple[Point3, ...], said: str) -> None:
         """Brings the drone where it may stay. Raises MissionEnd (stopped_by_guard), PortError."""
         vehicle = self.drone.vehicle
         action = await vehicle.end(refusal.reason)

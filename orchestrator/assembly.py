@@ -114,6 +114,7 @@ class Orchestrator:
 
     async def close(self) -> None:
         """What is under way is left for another process, or for this one when it is started again."""
+        self._engine.hold()
         await self._carrier.close(LEAVE_WITHIN_S)
         await self._watch.close()
         await self._keeper.close()

@@ -29,7 +29,6 @@ class Carrier:
         self._intake = intake
         self._executor = executor
         self._turns: dict[str, Turn] = {}
-        self._closing = False
 
     @property
     def _store(self) -> DeliveryStore:
@@ -37,8 +36,6 @@ class Carrier:
 
     async def carry_on(self, name: str, number: int) -> bool:
         """One step of that turn; false when it is over."""
-        if self._closing:
-            await asyncio.Event().wait()  # what is left is another process's
         try:
             turn = self._turns.get(name) or await self._take_up(name, number)
             if turn is not None and turn.on_the_ground:
@@ -69,8 +66,7 @@ class Carrier:
             turn.end(reason)
 
     async def close(self, within_s: float) -> None:
-        """No further step begins; those under way have so long, and are then left as they are: drones hold."""
-        self._closing = True
+        """Steps under way have so long, and are then left as they are: drones hold."""
         give_up = time.monotonic() + within_s
         for turn in list(self._turns.values()):
             await turn.leave(give_up - time.monotonic())

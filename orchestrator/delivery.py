@@ -14,6 +14,7 @@ from contracts.scene import Scene
 from mission.clients import Simulated
 from mission.customer import Customer
 from mission.mission import Mission
+from mission.outages import Patience
 from mission.placement import InTrial, trial_question
 from mission.policies import BadSearch, completed
 from mission.policies.base import AnyPolicy
@@ -148,12 +149,14 @@ class Run:
     def id(self) -> str:
         return self.record.delivery.id
 
-    async def fly(self, services: Simulated, customer: Customer | None = None) -> DeliveryResult:
+    async def fly(
+        self, services: Simulated, customer: Customer | None = None, patience: Patience | None = None
+    ) -> DeliveryResult:
         """Flies from where the record's state is, and completes the record; one that is done is not flown again.
         Cancelling the task ends the flight, not the record. Without a `customer` nobody is asked what a request leaves
-        open."""
+        open; without `patience` nothing that is away is waited for."""
         try:
-            result = self._done or await self._flown(self._mission(services, customer))
+            result = self._done or await self._flown(self._mission(services, customer, patience))
             if self._done is None:
                 self.record.conclude(result)
             await self._draw()
@@ -167,7 +170,7 @@ class Run:
         self.problem = mission.problem
         return result
 
-    def _mission(self, services: Simulated, customer: Customer | None) -> Mission:
+    def _mission(self, services: Simulated, customer: Customer | None, patience: Patience | None) -> Mission:
         order, record = self._order, self.record
         placed = order.placed(services.trial)
         return Mission(
@@ -178,6 +181,7 @@ class Run:
             customer=customer,
             keep=record.keep,
             policy=order.policy,
+            patience=patience,
         )
 
     async def _draw(self) -> None:

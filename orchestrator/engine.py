@@ -41,6 +41,8 @@ FIRST_AGE = 1_767_225_600.0
 AGE_STEP_S = 4.0
 AGES = 200_000_000
 """25 years of them, for each priority; the engine's numbers end at 2**31 - 1."""
+SETTLE_S = 0.5
+"""Far longer than the engine takes to write down a step that has ended."""
 REQUESTS_AT_A_TIME = 8
 """Requests that one process reads at a time."""
 
@@ -60,11 +62,11 @@ class Engine:
         self._room: dict[VehicleKind, int] = {}
         self._client = DBOSClient(system_database_engine=database.engine, application_name=APPLICATION, lazy=True)
         self._running = False
+        self._held = False
 
     async def launch(self, room: Mapping[VehicleKind, int]) -> None:
         """Begins to work off the queues; `room`: deliveries that each kind of vehicle may fly at a time, over all
         processes. Workflows run in the calling event loop."""
-        carry_on = self._carry_on
         config: DBOSConfig = {
             "name": APPLICATION,
             "system_database_url": self._database.url.render_as_string(hide_password=False),
@@ -84,14 +86,12 @@ class Engine:
 
         @DBOS.workflow(name=TURN, max_recovery_attempts=None)
         async def turn(delivery: str, number: int) -> None:
-            while await DBOS.run_step_async({"name": "step"}, carry_on, delivery, number):
+            while await DBOS.run_step_async({"name": "step"}, self._step, delivery, number):
                 pass
-
-        send = self._send
 
         @DBOS.workflow(name=MESSAGE, max_recovery_attempts=None)
         async def message(message_id: str, name: str) -> None:
-            await DBOS.run_step_async(TRIES, send, message_id, name)
+            await DBOS.run_step_async(TRIES, self._message, message_id, name)
 
         DBOS.launch()
         self._running = True
@@ -103,6 +103,22 @@ class Engine:
             MESSAGE, worker_concurrency=MESSAGES_AT_A_TIME, polling_interval_sec=2 * self._poll_s
         )
         await self.set_room(room)
+
+    async def _step(self, delivery: str, number: int) -> bool:
+        await self._hold()
+        more = await self._carry_on(delivery, number)
+        await self._hold()
+        return more
+
+    async def _message(self, message_id: str, name: str) -> None:
+        await self._hold()
+        await self._send(message_id, name)
+        await self._hold()
+
+    async def _hold(self) -> None:
+        """Where the engine is held, nothing goes on from here: what a step did is done, and not recorded."""
+        if self._held:
+            await asyncio.Event().wait()
 
     async def set_room(self, room: Mapping[VehicleKind, int]) -> None:
         """From now on each kind of vehicle may fly so many at a time."""
@@ -164,10 +180,17 @@ class Engine:
             if len(over) < BATCH:
                 return
 
+    def hold(self) -> None:
+        """No further step begins, and what those under way come to is not recorded: they are another process's."""
+        self._held = True
+
     async def close(self) -> None:
-        """Turns that are not over stay as they are, to be taken over."""
+        """Turns that are not over stay as they are, to be taken over. No workflow may need the engine's threads after
+        this: it is held first, and what it is writing is written."""
+        self.hold()
         if self._running:
             self._running = False
+            await asyncio.sleep(SETTLE_S)
             await asyncio.to_thread(DBOS.destroy, destroy_registry=True, workflow_completion_timeout_sec=0)
 
 

@@ -106,6 +106,7 @@ class Overlook:
         waits = delivery.status == "waiting"
         ahead = await asyncio.to_thread(self._lines.ahead_of, name) if waits else None
         times = await self._flight_times()
+        held_up = delivery.result is None and await asyncio.to_thread(self._lines.held_up, name)
         return Tracking(
             time=datetime.now(UTC),
             request=delivery.request,
@@ -117,6 +118,7 @@ class Overlook:
             question=delivery.question,
             drone=None if seen is None else _for_customer(seen),
             silent=silent,
+            held_up=held_up,
             outlook=Outlook(ahead=ahead, flight=_span(times), deliveries=len(times)),
             outcome=None if delivery.result is None else delivery.result.outcome,
             picture=await self._picture_of_stop(delivery) is not None,

@@ -8,6 +8,7 @@ from pydantic import Field
 from contracts.flight_limits import FlightLimits
 from contracts.keep_out import KeepOutFile
 from mission.customer import DEFAULT_PATIENCE_S
+from mission.outages import DEFAULT_WITHIN_S
 from service_kit.connections import Connections
 from service_kit.setting_files import read_toml
 from service_kit.settings import HttpAddress, Secret, ServiceSettings, Token
@@ -84,10 +85,11 @@ class OrchestratorSettings(Connections, ServiceSettings):
         "asked.",
     )
     service_within_s: float = Field(
-        30.0,
+        DEFAULT_WITHIN_S,
         ge=0.0,
         le=3600.0,
-        description="Seconds that a service which does not answer is asked again before the delivery ends.",
+        description="Seconds that a service or a model which does not answer is waited for, the drone holding, before "
+        "the delivery ends.",
     )
     lost_after_s: float = Field(
         10.0,

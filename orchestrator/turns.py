@@ -18,6 +18,7 @@ from contracts.event_data import NoData
 from contracts.flight_limits import FlightLimits
 from contracts.orchestrator import DeliveryQuestion, DeliveryStatus
 from mission.mission import Mission
+from mission.outages import Patience
 from mission.stages import Ended, NeedsAnswer, PlaceDrone, Preflight, ReadRequest
 from mission.state import MissionState, begin
 from orchestrator.customer import StoredCustomer
@@ -35,14 +36,12 @@ ON_THE_GROUND = (ReadRequest, NeedsAnswer, Preflight, PlaceDrone)
 BROKEN_OFF = ("service_unreachable", "failed")
 NO_VEHICLE_S = 2.0
 """After that a delivery for which no vehicle was free asks again."""
-FIRST_RETRY_S = 0.5
-LONGEST_RETRY_S = 5.0
 
 
 @dataclass(frozen=True)
 class Policy:
     """What is done about trouble. `answer_within_s`: how long customers are waited for; `service_within_s`: how long
-    a service that does not answer is asked again; `flights`: how often a delivery is begun to be flown at most;
+    a service or a model that is away is waited for; `flights`: how often a delivery is begun to be flown at most;
     `limits`: of every flight."""
 
     answer_within_s: float
@@ -83,7 +82,6 @@ class Turn:
         self._mission = self._new_mission()
         self._ending: Ending | None = stored.ending
         self._step: asyncio.Task[MissionState] | None = None
-        self._wake = asyncio.Event()
         self._idle = asyncio.Event()
         self._left = False
 
@@ -102,7 +100,6 @@ class Turn:
         self._interrupt()
 
     def _interrupt(self) -> None:
-        self._wake.set()
         if self._step is not None:
             self._step.cancel()
 
@@ -144,23 +141,6 @@ class Turn:
         return self._stored.lane in ("request", "prompt") and self._vehicle is None
 
     async def _advanced(self) -> MissionState:
-        """The next state. A service that does not answer is asked again for a while, and the step done again."""
-        give_up = time.monotonic() + self._tools.policy.service_within_s
-        pause_s = FIRST_RETRY_S
-        while True:
-            state = await self._attempt()
-            unreachable = isinstance(state.stage, Ended) and state.stage.outcome == "service_unreachable"
-            if self._ending is not None:
-                return self._ended(state, self._ending)
-            if not unreachable or time.monotonic() + pause_s > give_up:
-                return state
-            log.warning("delivery %s waits for a service: %s", self._stored.id, state.stage)
-            self._log.dropped()
-            self._mission.look_up_again()
-            await self._pause(pause_s)
-            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
-
-    async def _attempt(self) -> MissionState:
         self._step = asyncio.create_task(self._mission.advanced(self._state))
         try:
             state = await self._step
@@ -168,11 +148,7 @@ class Turn:
             self._step = None
         if self._left:
             await asyncio.Event().wait()  # the process ends: this step is another one's
-        return state
-
-    async def _pause(self, seconds: float) -> None:
-        with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._wake.wait(), seconds)
+        return state if self._ending is None else self._ended(state, self._ending)
 
     async def _answered(self, stage: NeedsAnswer) -> bool:
         """The customer has answered, or may no more."""
@@ -259,8 +235,16 @@ class Turn:
         self._contact = Contact()
         ports, placement = self._tools.hangar.flown_with(self._vehicle, self._order)
         watched = WatchedPlacement(placement, self._contact)
-        limits = self._tools.policy.limits
-        return Mission(ports, watched, self._order.settings, self._log, limits=limits, customer=self._customer)
+        policy = self._tools.policy
+        return Mission(
+            ports,
+            watched,
+            self._order.settings,
+            self._log,
+            limits=policy.limits,
+            customer=self._customer,
+            patience=Patience(policy.service_within_s),
+        )
 
     def _ended(self, state: MissionState, reason: Ending) -> MissionState:
         if isinstance(state.stage, Ended) and state.stage.outcome != "cancelled":

@@ -7,10 +7,7 @@ CallError
   Garbled         the service answered something that is not its contract
 """
 
-import asyncio
 import json
-import logging
-import time
 from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import Any, NamedTuple, Self, TypeVar
@@ -23,11 +20,7 @@ from contracts.health import Health
 from service_kit.connections import TOKEN_VARIABLES
 from service_kit.settings import without_password
 
-log = logging.getLogger(__name__)
-
 M = TypeVar("M", bound=BaseModel)
-FIRST_PAUSE_S = 0.1
-LONGEST_PAUSE_S = 2.0
 
 
 class CallError(Exception):
@@ -71,19 +64,12 @@ class _Said(NamedTuple):
 
 
 class ServiceClient:
-    """One service at one address. Use as an async context manager, or `close` it.
+    """One service at one address. Use as an async context manager, or `close` it."""
 
-    `patience_s`: a call that nobody takes, or whose connection breaks, is made again for so long, because the service
-    is being started again. Only for services whose calls do no harm when they are made twice: all of ours.
-    """
-
-    def __init__(
-        self, service: str, url: str, *, timeout_s: float = 30.0, token: str | None = None, patience_s: float = 0.0
-    ) -> None:
+    def __init__(self, service: str, url: str, *, timeout_s: float = 30.0, token: str | None = None) -> None:
         self._service = service
         self._url = url.rstrip("/")
         self._timeout_s = timeout_s
-        self._patience_s = patience_s
         self._headers = {"Authorization": f"Bearer {token}"} if token else {}
         self._session: aiohttp.ClientSession | None = None
 
@@ -106,17 +92,14 @@ class ServiceClient:
         params: dict[str, str] | None = None,
         headers: dict[str, str] | None = None,
         timeout_s: float | None = None,
-        patience_s: float | None = None,
         hear: Callable[[Mapping[str, str]], None] | None = None,
     ) -> M:
-        """One call; it may take `timeout_s` each time that it is made. `hear` is told the answer's headers.
+        """One call; it may take `timeout_s`. `hear` is told the answer's headers.
 
         Raises Unreachable, Refused or Garbled; never another error of the network's."""
         body = None if question is None else question.model_dump_json().encode()
         within_s = timeout_s or self._timeout_s
-        patience_s = self._patience_s if patience_s is None else patience_s
-        said = await self._exchange(method, path, body, params, within_s, headers, patience_s=patience_s)
-        status, data, told = said
+        status, data, told = await self._exchange(method, path, body, params, within_s, headers)
         if status >= 400:
             raise self._refused(status, data)
         if hear is not None:
@@ -159,7 +142,7 @@ class ServiceClient:
     async def _health(self, timeout_s: float) -> Health | str:
         """What the service says of itself, or what is wrong."""
         try:
-            return await self.call("GET", "/readyz", Health, timeout_s=timeout_s, patience_s=0.0)
+            return await self.call("GET", "/readyz", Health, timeout_s=timeout_s)
         except Refused as error:
             return error.reason
         except CallError as error:
@@ -186,32 +169,6 @@ class ServiceClient:
         params: dict[str, str] | None,
         timeout_s: float,
         more_headers: dict[str, str] | None = None,
-        *,
-        patience_s: float = 0.0,
-    ) -> _Said:
-        give_up = time.monotonic() + patience_s
-        pause_s = FIRST_PAUSE_S
-        while True:
-            try:
-                return await self._exchange_once(method, path, body, params, timeout_s, more_headers)
-            except TimedOut:
-                raise
-            except Unreachable as error:
-                if time.monotonic() + pause_s > give_up:
-                    raise
-                if pause_s == FIRST_PAUSE_S:
-                    log.warning("%s; asked again for up to %g s", error, patience_s)
-            await asyncio.sleep(pause_s)
-            pause_s = min(LONGEST_PAUSE_S, 2 * pause_s)
-
-    async def _exchange_once(
-        self,
-        method: str,
-        path: str,
-        body: bytes | None,
-        params: dict[str, str] | None,
-        timeout_s: float,
-        more_headers: dict[str, str] | None,
     ) -> _Said:
         if self._session is None:
             self._session = aiohttp.ClientSession(headers=self._headers, trust_env=False)

@@ -31,6 +31,7 @@ from evaluation.task_set.task import Task
 from launcher.processes import CannotStart, Child, Processes, free_ports
 from mission.clients import Services
 from mission.mission import Mission
+from mission.outages import Patience
 from mission.placement import InTrial, trial_question
 from mission.ports import ServiceUnreachable
 from mission.record import now
@@ -42,6 +43,9 @@ from service_kit.settings import process_environment
 END_S = 20.0
 DYING_S = 2.0
 """How long a service that stopped answering may take to be gone, before it counts as running."""
+AWAY_S = 30.0
+"""How long an episode waits for a service or a model that is away; after one that waited in vain the next does not, so
+that a model that stays away costs a run this time once, and not with every task."""
 _GLANCE_S = 0.02
 LEASE_S = "86400"
 """An episode that was opened ahead waits for its turn, however long the one before it takes."""
@@ -63,6 +67,7 @@ class Job(Wire):
     faults: SensorFaults | None = None
     trajectories: bool = False
     episode_s: float = Field(default=900.0, gt=0.0)
+    away_s: float = Field(default=AWAY_S, ge=0.0)
 
 
 class Order(Wire):
@@ -114,6 +119,7 @@ class Worker:
         self._starts = 0
         self._session = uuid4()
         self._opening: asyncio.Task[Vehicle] | None = None
+        self._away = False
 
     async def start(self) -> None:
         """Fresh services on free ports. Raises CannotStart."""
@@ -189,6 +195,7 @@ class Worker:
                 reason = "unreachable" if reason == "error" else reason
         if error is None and reason == "error" and result is not None:
             error = result.message
+        self._away = reason == "unreachable"
         if folder is not None and self._job.pictures == "failures" and reason == "success":
             shutil.rmtree(folder, ignore_errors=True)
             folder = None
@@ -220,7 +227,8 @@ class Worker:
         ) as kept:
             simulated = services.simulated()
             placement = self._placement(simulated.trial, order, services.trial())
-            mission = Mission(simulated.ports, kept.placement(placement), settings, kept.log, customer=customer)
+            placed, patience = kept.placement(placement), self._patience
+            mission = Mission(simulated.ports, placed, settings, kept.log, customer=customer, patience=patience)
             flight = asyncio.create_task(mission.fly(task.request, self._key(task)))
             leaving = asyncio.create_task(gone.wait())
             done, _ = await asyncio.wait(
@@ -234,6 +242,12 @@ class Worker:
             result = flight.result()
             kept.conclude(result)
             return result
+
+    @property
+    def _patience(self) -> Patience:
+        return Patience(
+            0.0 if self._away else self._job.away_s, lambda: self._group is None or self._group.ended() is not None
+        )
 
     def _key(self, task: Task) -> str:
         """Of the task's trial in these services."""

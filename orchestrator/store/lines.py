@@ -111,6 +111,15 @@ class LineStore:
         with self._engine.connect() as connection:
             return [float(value) for value in connection.execute(query).scalars()]
 
+    def held_up(self, name: str) -> bool:
+        """Is a machine waited for? Nothing else is told until it is back."""
+        c = events.c
+        query = sa.select(c.event).where(c.delivery == name).order_by(c.number.desc()).limit(1)
+        with self._engine.connect() as connection:
+            text = connection.execute(query).scalar_one_or_none()
+        event = {} if text is None else json.loads(text)
+        return event.get("kind") == "outage" and not event["data"]["over"]
+
     def last_picture(self, name: str) -> str | None:
         """The file of the last picture that the front camera took, marked where it saw the thing; null without any."""
         c = events.c

@@ -14,6 +14,7 @@ export const MARKS = {
   look: "look",
   lost: "sighting dropped",
   refused: "flight refused",
+  outage: "something away",
   verdict: "verdict",
   result: "end",
 };

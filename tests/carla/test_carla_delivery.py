@@ -9,6 +9,7 @@ import pytest
 from contracts.orchestrator import DeliveryQuestion, MissionSettings
 from launcher.processes import Processes, free_ports
 from mission.clients import Services
+from mission.outages import Patience
 from orchestrator.delivery import Order, Run
 from service_kit.addresses import Addresses
 from service_kit.settings import process_environment
@@ -43,9 +44,9 @@ def _url(ports: dict[str, int]) -> str:
 @pytest.mark.parametrize("sample", SAMPLES)
 async def test_a_sample_is_delivered_in_carla(sample: str, at: Addresses, tmp_path: Path) -> None:
     order = Order(DeliveryQuestion(sample=sample, backend="embedded", settings=MissionSettings()))
-    async with Services(at, patience_s=60.0) as services:
+    async with Services(at) as services:
         run = Run(order, tmp_path)
-        result = await run.fly(services.simulated())
+        result = await run.fly(services.simulated(), patience=Patience(60.0))
     assert result.outcome == "delivered", result
     assert result.verdict is not None
     assert result.verdict.delivered

@@ -240,6 +240,8 @@ async def test_a_step_that_waited_and_is_done_again_tells_the_same() -> None:
     low = PlannedFlight(move=to(1.5), why="down")
     await once.fly(low)
     await again.fly(low)
+    once.settle()
+    again.settle()
     first, second = log
     assert (first.number, first.kind, first.message) == (second.number, second.kind, second.message)
     assert isinstance(first.data, MoveData)

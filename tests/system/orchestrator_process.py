@@ -55,6 +55,11 @@ class OrchestratorDoor:
         assert answer.status_code == 202, answer.text
         return str(answer.json()["id"])
 
+    def cancel(self, name: str) -> None:
+        """Returns when the delivery has ended."""
+        answer = self._client.delete(f"/v1/deliveries/{name}")
+        assert answer.status_code == 200, answer.text
+
     def delivery(self, name: str) -> Delivery:
         return Delivery.model_validate(self._client.get(f"/v1/deliveries/{name}").json())
 

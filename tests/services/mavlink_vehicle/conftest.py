@@ -66,7 +66,7 @@ async def client() -> AsyncIterator[Callable[[str], ServiceClient]]:
     opened: list[ServiceClient] = []
 
     def open_(url: str) -> ServiceClient:
-        opened.append(ServiceClient("mavlink_vehicle", url, timeout_s=60.0, patience_s=10.0))
+        opened.append(ServiceClient("mavlink_vehicle", url, timeout_s=60.0))
         return opened[-1]
 
     yield open_
