@@ -17,6 +17,9 @@ BUSY_S = 30
 POOL = 20
 SQLITE_KEPT = 4
 """Connections that stay open; what more a burst needs is closed after it."""
+RENEWED_AFTER_S = 60
+"""A connection that is older is closed when it is to be used again, and another takes its place: one that is used now
+and then would go on gathering statements and pages, for hours until it has met all there are."""
 CACHE_KB = 256
 """Of each connection; it is of no use beyond a transaction, as every other connection's write empties it."""
 
@@ -115,10 +118,15 @@ def _alone(file: Path) -> TextIO:
 
 def _sqlite_engine(url: sa.URL, synchronous: Literal["FULL", "NORMAL"]) -> sa.Engine:
     """Writers take turns from the beginning of a transaction. With FULL each commit is synced to the disk; with NORMAL
-    it is with the next one that is. Few connections stay open, and the one that was used last is used next: each one
-    that is used comes to keep half a megabyte of pages and statements."""
-    most = 2 * POOL
-    engine = sa.create_engine(url, pool_size=SQLITE_KEPT, max_overflow=most - SQLITE_KEPT, pool_use_lifo=True)
+    it is with the next one that is. Few connections stay open, none for long, and the one that was used last is used
+    next: each one that is used comes to keep half a megabyte of pages and statements."""
+    engine = sa.create_engine(
+        url,
+        pool_size=SQLITE_KEPT,
+        max_overflow=2 * POOL - SQLITE_KEPT,
+        pool_use_lifo=True,
+        pool_recycle=RENEWED_AFTER_S,
+    )
 
     def prepare(connection: Any, _: object) -> None:
         connection.isolation_level = "IMMEDIATE"

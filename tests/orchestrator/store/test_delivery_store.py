@@ -10,7 +10,7 @@ import pytest
 import sqlalchemy as sa
 from sqlalchemy import event
 
-from orchestrator.store.database import SQLITE_KEPT, Database
+from orchestrator.store.database import RENEWED_AFTER_S, SQLITE_KEPT, Database
 from orchestrator.store.deliveries import DeliveryStore, Following, Superseded, mark_queued
 from orchestrator.store.executors import ExecutorStore
 from orchestrator.store.lines import LineStore
@@ -268,6 +268,24 @@ def test_connections_that_a_burst_opened_to_sqlite_are_closed_after_it(tmp_path:
             burst.enter_context(opened.engine.connect()).execute(sa.text("SELECT 1"))
         assert closed == []
     assert len(closed) == 30 - SQLITE_KEPT
+    opened.close()
+
+
+def test_an_old_connection_to_sqlite_gives_way_to_a_new_one(tmp_path: Path) -> None:
+    opened = Database(f"sqlite:///{tmp_path / 'deliveries.sqlite'}")
+    for engine in (opened.engine, opened.bookkeeping):
+        used: list[object] = []
+        records: list[Any] = []
+        closed: list[object] = []
+        event.listen(engine, "checkout", lambda connection, *_, used=used: used.append(connection))
+        event.listen(engine, "checkout", lambda _, record, *__, records=records: records.append(record))
+        event.listen(engine, "close", lambda connection, _, closed=closed: closed.append(connection))
+        for age_s in (0, RENEWED_AFTER_S + 1, 0):
+            with engine.connect() as connection:
+                connection.execute(sa.text("SELECT 1"))
+            records[-1].starttime -= age_s
+        assert used[0] is used[1] is not used[2]
+        assert closed == used[:1]
     opened.close()
 
 
