@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from contracts.fleet import FleetFile
+from launcher.processes import STARTED_WITH
 from scripts.configuration import OTHER_VEHICLES, SERVICES
 from service_kit.addresses import PORTS, VEHICLE_PORTS
 from tests.agreements.test_errors_described import SERVICES as APPS
@@ -65,7 +66,11 @@ def test_kubernetes_runs_each_service_as_its_settings_say(name: str) -> None:
     settings, port = (SERVICES | OTHER_VEHICLES)[name], (PORTS | VEHICLE_PORTS)[name]
     pod = deployment["spec"]["template"]["spec"]
     (container,) = pod["containers"]
-    assert {variable["name"] for variable in container["env"]} <= settings.names()
+    of_the_c_library = STARTED_WITH.get(name, {})
+    assert (
+        of_the_c_library.items() <= {variable["name"]: variable.get("value") for variable in container["env"]}.items()
+    )
+    assert {variable["name"] for variable in container["env"]} - set(of_the_c_library) <= settings.names()
     assert container["ports"][0]["containerPort"] == service["spec"]["ports"][0]["port"] == port
     assert {"startupProbe", "readinessProbe", "livenessProbe"} <= set(container)
     mounted = {item["key"] for volume in pod["volumes"] for item in volume.get("secret", {}).get("items", ())}

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from launcher.processes import CannotStart, Processes, free_ports, is_free, parse_addresses
+from launcher.processes import STARTED_WITH, CannotStart, Processes, free_ports, is_free, parse_addresses
 from service_kit.settings import process_environment
 
 
@@ -56,3 +56,22 @@ def test_addresses_are_read_by_name_and_the_rest_keep_their_usual_ports() -> Non
     assert at.sim == "http://127.0.0.1:9000"
     assert at.vlm_gateway == "https://models.example"
     assert at.depth_assist == "http://127.0.0.1:8103"
+
+
+@pytest.mark.parametrize("own", [{}, {"GLIBC_TUNABLES": "glibc.malloc.tcache_count=3"}])
+def test_the_orchestrator_keeps_no_freed_memory_by_thread_unless_the_environment_says_so(
+    tmp_path: Path, own: dict[str, str]
+) -> None:
+    environment = {k: v for k, v in process_environment().items() if k != "GLIBC_TUNABLES"} | own
+    environment["RUNS_DIR"] = str(tmp_path / "runs")
+    group = Processes(free_ports(["orchestrator"]), tmp_path / "logs", environment=environment)
+    group.start()
+    try:
+        [child] = group.children
+        started_with = Path(f"/proc/{child.process.pid}/environ").read_text()
+    finally:
+        group.kill()
+        group.stop()
+    (tunables,) = (STARTED_WITH["orchestrator"] | own).values()
+    # the C library cuts its variable in pieces where it stands
+    assert f"GLIBC_TUNABLES={tunables}\0" in started_with.replace("\0glibc.", ":glibc.")
