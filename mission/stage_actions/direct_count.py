@@ -6,7 +6,7 @@ import math
 from contracts.depth_assist import SafeDistanceSettings, SafeDistancesQuestion
 from contracts.geometry import Point3
 from mission.places import ahead, distance_m, point_of
-from mission.stage_actions.climbing import not_here
+from mission.stage_actions.climbing import look_elsewhere, may_look_elsewhere, not_here
 from mission.stage_actions.floor_counts import (
     FACADE,
     count_floors,
@@ -92,7 +92,7 @@ async def count_whole(step: Step, stage: CountWhole) -> CountWhole | Climb | Tak
     decision = direct_count(count.floors, stage.top_m, step.state.floor or 1, eq3_settings(step))
     write_count(step, sight, count, None, stage.top_m if stage.top_seen else None, decision)
     if isinstance(decision, FloorNotFound):
-        return not_here(step, not_there(step, decision))
+        return no_such_floor(step, decision)
     if decision is None:
         silent = stage.silent + 1
         if silent > step.settings.max_model_failures:
@@ -103,6 +103,13 @@ async def count_whole(step: Step, stage: CountWhole) -> CountWhole | Climb | Tak
     step.plan_flight(_retraced(step, stage), stage.home.yaw, "back to the facade")
     step.update(final_height_m=decision.height_m, floor_height_m=decision.floor_height_m)
     return Climb(to_m=decision.height_m, why=f"to floor {step.state.floor}", then=BoxBuilding())
+
+
+def no_such_floor(step: Step, end: FloorNotFound) -> TakeStand:
+    """On to another building where this may not be the customer's. Raises MissionEnd (floor_not_found)."""
+    if end.floors_counted == 0 and step.settings.floors == "stepwise" and may_look_elsewhere(step):
+        return look_elsewhere(step)
+    return not_here(step, not_there(step, end))
 
 
 def _away_m(step: Step, stage: WholeBuilding) -> float:

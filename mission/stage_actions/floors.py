@@ -10,14 +10,13 @@ from mission.annotation import mark_box
 from mission.looks import Sight
 from mission.model_calls import Answered
 from mission.places import ahead
-from mission.stage_actions.climbing import look_elsewhere, may_look_elsewhere, not_here, once_more_from_below
-from mission.stage_actions.direct_count import leave_facade
+from mission.stage_actions.climbing import once_more_from_below
+from mission.stage_actions.direct_count import leave_facade, no_such_floor
 from mission.stage_actions.floor_counts import (
     FACADE,
     Count,
     count_floors,
     eq3_settings,
-    not_there,
     turn_a_little,
     useless,
     vertical,
@@ -38,6 +37,7 @@ from mission.step import MissionEnd, Step
 from navigation import facade, floor_localization
 from navigation.floor_localization import (
     LEAST_FLOOR_M,
+    TALLEST_FLOOR_M,
     FinalHeight,
     FloorNotFound,
     Recount,
@@ -109,11 +109,9 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
         case FinalHeight():
             return _to_final_height(step, decision, stage.stand_off_m)
         case FloorNotFound():
-            if decision.floors_counted == 0 and may_look_elsewhere(step):
-                return look_elsewhere(step)
-            if stage.band.number == 1 and decision.floors_counted > 0:
+            if _seen_amiss(stage, sight, decision):
                 return once_more_from_below(step, stage.stand_off_m, decision.facade_top_m, top_seen=True)
-            return not_here(step, not_there(step, decision))
+            return no_such_floor(step, decision)
         case Recount():
             silent = stage.silent + 1
             if silent > step.settings.max_model_failures:
@@ -134,6 +132,17 @@ async def _decide(step: Step, stage: BandCount, sight: Sight, top: float | None)
                     silent=stage.silent,
                 ),
             )
+
+
+def _seen_amiss(stage: BandCount, sight: Sight, end: FloorNotFound) -> bool:
+    """May a look from half the facade's height, which shows a band of it, count more? The whole of a facade that ends
+    in the first band; windows under the eaves, which a camera above the roof does not see; what was missed where the
+    floors that were counted would be taller than floors are."""
+    if end.facade_top_m > stage.band.upper_m - stage.band.lower_m:
+        return False
+    if end.floors_counted == 0:
+        return end.facade_top_m < sight.eye_z
+    return stage.band.number == 1 or end.facade_top_m > TALLEST_FLOOR_M * end.floors_counted
 
 
 def _to_final_height(step: Step, final: FinalHeight, stand_off_m: float) -> Climb:

@@ -78,7 +78,7 @@ async def test_what_has_no_floors_is_no_building_and_the_drone_looks_elsewhere()
     hedge = Block(x0=-4.0, x1=4.0, y0=-48.0, y1=-44.0, floors=1)
     world = BlockWorld(StereoBlock(start=Pose(x=0.0, y=-36.0, z=1.5, yaw=FACING), range_m=20.0, neighbour=hedge))
     none = FloorCountAnswer(role="floors", floors=0, **WHO)
-    vision = BlockVision(world, says={"floor_count": [none]})
+    vision = BlockVision(world, says={"floor_count": [none, none]})
     result = await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
     assert result.outcome == "delivered"
     first, second = (e.data for e in log.of("stand_off"))
@@ -92,10 +92,35 @@ async def test_from_what_is_no_building_the_drone_turns_to_where_it_looked_when_
     hedge = Block(x0=-4.0, x1=4.0, y0=-48.0, y1=-44.0, floors=1)
     began = FACING - 0.5
     world = BlockWorld(StereoBlock(start=Pose(x=0.0, y=-36.0, z=1.5, yaw=began), range_m=20.0, neighbour=hedge))
-    vision = BlockVision(world, says={"floor_count": [FloorCountAnswer(role="floors", floors=0, **WHO)]})
+    vision = BlockVision(world, says={"floor_count": [FloorCountAnswer(role="floors", floors=0, **WHO)] * 2})
     await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
     away = next(e.data for e in log if e.message.startswith("that is no building"))
     assert away.to.yaw == pytest.approx(began, abs=0.01)
+
+
+async def test_windows_under_the_eaves_are_looked_for_from_below_before_a_house_is_left() -> None:
+    """From above the roof of a low house its windows don't show."""
+    log = Events()
+    start_at = Pose(x=0.0, y=-20.0, z=1.5, yaw=FACING)
+    world = BlockWorld(Block(start=start_at, floors=4, floor_height_m=2.1, thing=(3.0, -6.2, 7.35)))
+    vision = BlockVision(world, says={"floor_count": [FloorCountAnswer(role="floors", floors=0, **WHO)]})
+    result = await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
+    assert result.outcome == "delivered"
+    assert len(log.of("stand_off")) == 1
+    assert [e.data.floors_new for e in log.of("floor_count")][:2] == [0, 4]
+
+
+async def test_floors_taller_than_floors_are_are_counted_once_more() -> None:
+    """Its roof is above the first picture; a taller house beside it lets the drone rise past it."""
+    log = Events()
+    beside = Block(x0=-20.0, x1=-9.0, floors=12)
+    start_at = Pose(x=0.0, y=-15.0, z=1.5, yaw=FACING)
+    world = BlockWorld(Block(start=start_at, floor_height_m=2.995, thing=(3.0, -6.2, 10.48), neighbour=beside))
+    said = [FloorCountAnswer(role="floors", floors=floors, **WHO) for floors in (1, 0)]
+    vision = BlockVision(world, says={"floor_count": said})
+    result = await Mission(block_ports(world, vision), block_placement(world), MissionSettings(), log).fly(REQUEST)
+    assert [e.data.floors_new for e in log.of("floor_count")][:3] == [1, 0, 6]
+    assert result.outcome == "delivered"
 
 
 @dataclass(frozen=True)
