@@ -12,7 +12,7 @@ from pathlib import Path
 from training.progress import progress
 
 DEFAULT_HOME = Path("runs/training")
-VERSION = "4"
+VERSION = "4.1"
 LEAST_CLAIM = 0.5
 """Whatever is less sure is more likely wrong than right."""
 RANGING = 120

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from services.vlm_gateway.embedded.crops import crop_squares, cut_crops, proposals
 from services.vlm_gateway.embedded.exported import Exported
 from services.vlm_gateway.embedded.floors import box_of, profile_of, rows_in, rows_of
-from services.vlm_gateway.embedded.model import softmax, tightened
+from services.vlm_gateway.embedded.model import brightened, softmax, tightened
 from services.vlm_gateway.embedded.network import Networks
 from training.crop_store import overlap_matrix
 from training.shards import read
@@ -48,7 +48,7 @@ def looks(paths: Iterable[Path], networks: Networks, model: Exported) -> Iterato
     for path in paths:
         shard = read(path)
         for view in range(len(shard.jpegs)):
-            rgb = shard.picture(view)
+            rgb = brightened(shard.picture(view))
             maps = networks.propose(rgb[None])
             boxes, _ = proposals(
                 maps.objectness[0],

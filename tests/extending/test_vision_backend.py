@@ -80,7 +80,7 @@ def test_a_delivery_that_names_no_model_is_flown_by_the_roles_of_the_configurati
     told = json.loads(ended.stdout)
     by = {role: calls["models"] for role, calls in told["model_calls"].items()}
     assert by["recognition"] == ["colour-1"], ended.stderr
-    assert by["floors"] == ["embedded-4"]
+    assert by["floors"] == ["embedded-4.1"]
     assert told["backend"] is None
 
 

@@ -4,6 +4,7 @@ A picture goes through the proposer once and what stands there through the namer
 the next question about the same picture differs in its words only.
 """
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -29,6 +30,9 @@ TRAINED_FOCAL = 0.5
 """Focal length of the pictures trained on, in picture widths: 90 degrees across."""
 MOST_SIDES = 3
 """Sides of a picture that is worked on, in trained ones: a long lens has detail that was never trained on."""
+DARK = 80.0
+"""Mean grey value, 0..255, up to which a picture is brightened: what lies in the dark has contours as well. Of 129
+square pictures of 43 validation streets 117 are counted exactly with it, and 110 without."""
 SMALLEST_BOX = 0.002
 OVERLAP = 0.5
 WAY_FOR_WIDTH_M = 20.0
@@ -154,7 +158,7 @@ class EmbeddedModel:
     def _sheet(self, shot: Shot) -> Sheet:
         """The picture with as many pixels a degree as those that the model was trained on; one of an unknown camera as
         if it were of theirs."""
-        rgb, trained_px = shot.rgb(), self.exported.picture_px
+        rgb, trained_px = brightened(shot.rgb()), self.exported.picture_px
         if shot.focal_px is None:
             return sheet(rgb, trained_px)
         side_px = round(max(rgb.shape[:2]) * trained_px * TRAINED_FOCAL / shot.focal_px)
@@ -224,6 +228,17 @@ def sheet(rgb: Picture, side_px: int) -> Sheet:
     if down or across:
         rgb = np.asarray(cv2.copyMakeBorder(rgb, 0, down, 0, across, cv2.BORDER_REPLICATE), np.uint8)
     return Sheet(rgb, height, width)
+
+
+def brightened(rgb: Picture) -> Picture:
+    """A dark picture by the power of its grey values that makes the mean one DARK; others, and black ones, as they
+    are."""
+    mean = float(rgb.mean())
+    if not 1.0 <= mean < DARK:
+        return rgb
+    power = math.log(DARK / 255.0) / math.log(mean / 255.0)
+    values = np.rint(255.0 * (np.arange(256) / 255.0) ** power).astype(np.uint8)
+    return np.asarray(cv2.LUT(rgb, values), np.uint8)
 
 
 def softmax(logits: Floats) -> Floats:

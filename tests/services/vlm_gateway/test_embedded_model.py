@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from contracts.geometry import Box
 from contracts.vlm_gateway import MarkedPoint
 from services.vlm_gateway.embedded.exported import NAMER_FILE, Calibration, Proposing
-from services.vlm_gateway.embedded.model import EmbeddedModel
+from services.vlm_gateway.embedded.model import DARK, EmbeddedModel, brightened
 from services.vlm_gateway.embedded.seen import Still
 from services.vlm_gateway.embedded.words import OutOfVocabulary
 from tests.services.vlm_gateway.tiny_networks import STRIDE, THING_PX, street, write_networks
@@ -148,6 +148,24 @@ def test_floors_are_the_rows_of_windows_with_their_places(model: EmbeddedModel) 
     seen = model.count_floors(Still(street({}, rows=(8, 18, 28, 38), roof=4)))
     assert seen.count == 4
     np.testing.assert_allclose(seen.rows, [(r + 0.5) / 40 for r in (8, 18, 28, 38)], atol=0.01)
+
+
+@pytest.mark.parametrize("share", [0.12, 0.3, 1.0])
+def test_a_dark_picture_is_brightened_and_a_bright_one_left_as_it_is(share: float) -> None:
+    rgb = np.asarray(share * np.random.default_rng(1).uniform(0, 255, (60, 80, 3)), np.uint8)
+    seen = brightened(rgb)
+    if share == 1.0:
+        assert seen is rgb
+        return
+    assert float(seen.mean()) == pytest.approx(DARK, abs=8.0)
+    darker_first = np.argsort(rgb, axis=None, kind="stable")
+    assert (np.diff(seen.reshape(-1)[darker_first].astype(int)) >= 0).all()
+
+
+def test_in_a_picture_that_is_all_but_black_nothing_is_brightened() -> None:
+    black = np.zeros((40, 40, 3), np.uint8)
+    black[0, 0] = 255
+    assert brightened(black) is black
 
 
 def test_rows_beyond_the_building_are_no_floors(model: EmbeddedModel) -> None:

@@ -60,6 +60,12 @@ def test_floors_and_the_building_are_read_from_a_frontal_picture(model: Embedded
     assert (building.box.y_min, building.box.y_max) == pytest.approx((truth.y_min, truth.y_max), abs=0.08)
 
 
+@pytest.mark.parametrize("view", [v for v in LABELS if v.frontal], ids=lambda v: v.picture)
+def test_floors_of_a_dark_facade_are_counted_too(model: EmbeddedModel, view: LabelledView) -> None:
+    dark = Still(np.asarray(picture(view).rgb() * 0.12, np.uint8))
+    assert model.count_floors(dark).count == len(view.truth.floor_rows)
+
+
 @pytest.mark.parametrize("view", [v for v in LABELS if not v.frontal], ids=lambda v: v.picture)
 def test_the_goal_is_claimed_where_it_is(model: EmbeddedModel, view: LabelledView) -> None:
     goal = GOALS[view.scene]
