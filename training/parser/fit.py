@@ -2,20 +2,21 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from pathlib import Path
-from pickle import UnpicklingError
 from typing import NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from training.parser.augment import Augmenter
 from training.parser.bases import MINILM, MPNET, Base, encoder_of, tokenizer_of
 from training.parser.examples import Example, batch_of, encode, losses
 from training.parser.net import Encoder, Reader
 from training.parser.rows import Row
+from training.parser.shipped import WORDS
 
 BATCH_TOKENS = 1400
 
@@ -24,7 +25,7 @@ class Plan(NamedTuple):
     """`epochs` over all rows; `seed` of everything that chance decides; so many of the lowest layers are `frozen`, and
     with them the embeddings and the table of relative positions. `average`: of the weights over steps."""
 
-    epochs: int
+    epochs: float
     encoder_rate: float
     head_rate: float
     average: float
@@ -59,12 +60,13 @@ def freeze(encoder: Encoder, layers: int) -> None:
                 part.requires_grad_(False)
 
 
-def take_up(net: Reader, path: Path) -> None:
-    """Begins with the weights that an earlier training kept. Raises OSError; ValueError where they are another's."""
+def take_up(net: Reader, weights: Mapping[str, Tensor]) -> None:
+    """Begins with the weights of an earlier training; WORDS may be left out. Raises ValueError where they are of
+    another network."""
     try:
-        net.load_state_dict(torch.load(path, weights_only=True))
-    except (RuntimeError, UnpicklingError) as error:
-        raise ValueError(f"{path} holds no network of this kind") from error
+        net.load_state_dict({WORDS: net.encoder.word.weight, **weights})
+    except RuntimeError as error:
+        raise ValueError(f"these are the weights of another network: {error}") from error
 
 
 def fit(
@@ -73,9 +75,9 @@ def fit(
     home: Path,
     plan: Plan,
     report: Callable[[Epoch], None],
-    begin: Path | None = None,
+    begin: Mapping[str, Tensor] | None = None,
 ) -> Reader:
-    """The averaged weights of one training run, from the base on or from the network in the file `begin`."""
+    """The averaged weights of one training run, from the base on or from the weights `begin`."""
     torch.manual_seed(plan.seed)
     generator = np.random.default_rng(plan.seed)
     tokenizer = tokenizer_of(home)
@@ -93,7 +95,7 @@ def fit(
         fused=True,
     )
     steps_an_epoch = max(1, round(len(rows) * 38 / BATCH_TOKENS))
-    total = plan.epochs * steps_an_epoch
+    total = round(plan.epochs * steps_an_epoch)
     schedule = torch.optim.lr_scheduler.LambdaLR(
         optimiser, lambda s: min(1.0, (s + 1) / (0.06 * total)) * max(0.02, 1.0 - s / total)
     )

@@ -28,6 +28,7 @@ _COLOUR_BEHIND = re.compile(
 _STOPS = "a an the my our your his her its their this that one some with of in on at by and or made shaped like"
 _STOP = frozenset((*_STOPS.split(), "which", "is", "are", "for", "from", "w"))
 _ARTICLE_BEFORE = re.compile(r"\b(?:a|an|one|\d+)\s+$", re.IGNORECASE)
+_COUNT_OPENS = re.compile(r"(?:^|[.!?;\n])\s*(?:one|\d+ ?x?)\s+$", re.IGNORECASE)
 _NO_NOUNS = """ones? kind type sort model version variety colou?r they it he she we you i not too please now here there
 after before but because since so if when where while as than then against behind beside under above over near next like
 until up down out"""
@@ -206,8 +207,11 @@ def _phrase(tokens: Tokens, start: int, end: int, tags: Floats) -> str:
 
 
 def _of_another_thing(text: str, start: int, end: int, known: frozenset[str]) -> bool:
-    """Stand the words before a noun that is not the object's, as in "the payload is a model locomotive"?"""
-    return _before_another_noun(text, end, known) and bool(_ARTICLE_BEFORE.search(text[:start]))
+    """Stand the words before a noun that is not the object's, as in "the payload is a model locomotive", or open a
+    sentence as goods do, with how many there are: "One turkey crown"?"""
+    before = text[:start]
+    another = _before_another_noun(text, end, known) and bool(_ARTICLE_BEFORE.search(before))
+    return another or bool(_COUNT_OPENS.search(before))
 
 
 def _before_another_noun(text: str, end: int, known: frozenset[str]) -> bool:

@@ -21,8 +21,8 @@ from services.llm_parser.reader.mentions import Mention
 from services.llm_parser.reader.spelling import Spelling
 from services.llm_parser.reader.words import Words
 
-SPELLING = "spelling.txt.zst"
-FILES = ("reader.onnx.zst", "words.npz", SPELLING, "tokenizer.json", "about.json")
+NETWORK, SPELLING, ABOUT = "reader.onnx.zst", "spelling.txt.zst", "about.json"
+FILES = (NETWORK, "words.npz", SPELLING, "tokenizer.json", ABOUT)
 MOST_TOKENS = 384
 """A longer request is read as far as this, and said to be too long."""
 
@@ -92,7 +92,7 @@ class ReaderModel:
         missing = [name for name in FILES if not (folder / name).is_file()]
         if missing:
             raise FileNotFoundError(f"the reader's weights are not complete: {', '.join(missing)} missing in {folder}")
-        self.about = About.model_validate_json((folder / "about.json").read_bytes())
+        self.about = About.model_validate_json((folder / ABOUT).read_bytes())
         self.tokenizer = Tokenizer.from_file(str(folder / "tokenizer.json"))
         self.tokenizer.no_padding()
         self.tokenizer.no_truncation()
@@ -100,7 +100,7 @@ class ReaderModel:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = options.inter_op_num_threads = 1
         self._session = onnxruntime.InferenceSession(
-            zstandard.decompress((folder / "reader.onnx.zst").read_bytes()),
+            zstandard.decompress((folder / NETWORK).read_bytes()),
             options,
             providers=["CPUExecutionProvider"],
         )

@@ -3,6 +3,7 @@
 import argparse
 import json
 import zipfile
+from copy import deepcopy
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from tokenizers.processors import BertProcessing
 
 from contracts.llm_parser import ParseQuestion
 from services.llm_parser.reader.decode import Tokens
-from services.llm_parser.reader.model import SPELLING, About, Encoded, ReaderModel, Thresholds
+from services.llm_parser.reader.model import ABOUT, NETWORK, SPELLING, About, Encoded, ReaderModel, Thresholds
 from services.llm_parser.reader.parser import ReaderParser
 from training.parser.__main__ import FIGURES, HISTORY, REQUESTS, fit_and_export, take_bases
 from training.parser.measure import read_examined
@@ -48,10 +49,19 @@ def test_a_short_training_ends_in_a_reader_that_answers(tmp_path: Path, monkeypa
     again = tmp_path / "again"
     fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=kept, rates=0.0, twice=["l"]))
     assert read_examined(again / FIGURES) == read_examined(out / FIGURES)  # at a rate of 0 it is what was kept
-    assert [r["twice"] for r in json.loads((again / "about.json").read_text())["rounds"]] == [[], ["l"]]
-    (kept / "mpnet.pt").write_bytes((kept / "minilm.pt").read_bytes())
-    with pytest.raises(ValueError, match=r"mpnet\.pt holds no network of this kind"):
-        fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=kept, rates=0.0, twice=[]))
+    assert [r["twice"] for r in json.loads((again / ABOUT).read_text())["rounds"]] == [[], ["l"]]
+    fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=out, rates=0.0, twice=["l"]))
+    assert len(json.loads((again / ABOUT).read_text())["rounds"]) == 2
+    for broken, said in (
+        (b"no archive", "holds no network"),
+        ((kept / "minilm.pt").read_bytes(), "of another network"),
+    ):
+        (kept / "mpnet.pt").write_bytes(broken)
+        with pytest.raises(ValueError, match=said):
+            fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=kept, rates=0.0, twice=[]))
+    (out / NETWORK).write_bytes(b"no export")
+    with pytest.raises(ValueError, match="holds no exported reader"):
+        fit_and_export(argparse.Namespace(**plain, out=again, keep=None, go_on=out, rates=0.0, twice=[]))
 
 
 def save_small(folder: Path, words: list[str]) -> None:
@@ -97,11 +107,15 @@ def test_exported_networks_say_on_average_what_the_trained_ones_say(tmp_path: Pa
     import torch
 
     from training.parser.export import export
+    from training.parser.fit import take_up
     from training.parser.net import Encoder, Reader, Size
+    from training.parser.shipped import weights_of
 
     torch.manual_seed(0)
     nets = [Reader(Encoder(Size(20, 96, 128, relative, 1e-5))).eval() for relative in (True, False)]
     for net in nets:
+        for parameter in net.parameters():  # no two alike, as after a training: an export keeps equal ones once
+            parameter.data.add_(0.01 * torch.randn_like(parameter))
         words = rounded(net.encoder.word.weight.detach().numpy())
         net.encoder.word.weight.data.copy_(torch.from_numpy(words.all()))
     (tmp_path / "mpnet").mkdir()
@@ -116,6 +130,16 @@ def test_exported_networks_say_on_average_what_the_trained_ones_say(tmp_path: Pa
     with torch.no_grad():
         first, second = (net.tagger(net.encoder(torch.from_numpy(ids)[None], torch.ones(1, 17))) for net in nets)
     assert not torch.allclose(first, second, atol=0.2)
+    for at, (net, said) in enumerate(zip(nets, (first, second), strict=True)):
+        back = deepcopy(net)
+        for parameter in back.parameters():
+            if parameter is not back.encoder.word.weight:
+                parameter.data.zero_()
+        take_up(back, weights_of(tmp_path / "out", at))
+        with torch.no_grad():
+            assert torch.allclose(
+                back.tagger(back.encoder(torch.from_numpy(ids)[None], torch.ones(1, 17))), said, atol=0.1
+            )
     assert np.allclose(exported.tags, (0.75 * first + 0.25 * second)[0, :, 0].numpy(), atol=0.1)
 
 
