@@ -20,7 +20,7 @@ from mission.guard_looks import HERE_M, GuardLooks
 from mission.passing import OVER_M, Wait
 from mission.places import distance_m, path_m, point_of
 from mission.ports import ServiceRefused
-from mission.state import GuardMemory
+from mission.state import GuardMemory, Trouble
 from mission.taking_off import check_take_off
 from mission.vehicle import Progress, Vehicle
 from navigation import guard, passers_by
@@ -56,8 +56,8 @@ class GuardedVehicle:
         self._room_m = capabilities.radius_m + limits.min_clearance_m
         low_m = passers_by.HEAD_M + self._room_m
         self._seen = GuardLooks(memory, len(capabilities.cameras), limits.max_pose_jump_m, low_m, clock)
-        self._pose: Pose | None = None
-        self._trouble: FlightRefused | None = None
+        self._pose = memory.stands
+        self._trouble = memory.trouble
         self.waited_s = 0.0
         self._corners: list[Point3] = list(memory.flown)
 
@@ -66,7 +66,8 @@ class GuardedVehicle:
         """What whoever carries the mission on must know."""
         seen = self._seen
         learnt = {"top_m": seen.top_m, "reach_m": seen.reach_m, "passers_by": seen.passers_by}
-        return self._began.model_copy(update=learnt | {"flown": tuple(self._corners)})
+        left = {"flown": tuple(self._corners), "stands": self._pose, "trouble": self._trouble}
+        return self._began.model_copy(update=learnt | left)
 
     @property
     def name(self) -> str:
@@ -156,7 +157,8 @@ class GuardedVehicle:
     async def _ended(self, action: GuardAction, reason: RefusalReason) -> GuardAction:
         if action == "return":
             await self._vehicle.hold()
-            if reason == "battery_reserve" and self._way_home_s() > self._left_s(await self._vehicle.state()):
+            state = await self._vehicle.state()
+            if reason == "battery_reserve" and self._way_home_s(self._pose or state.pose) > self._left_s(state):
                 action = "land"
             else:
                 await self.return_home()
@@ -190,8 +192,6 @@ class GuardedVehicle:
 
     async def _permit(self, move: Move, state: VehicleState) -> None:
         """Returns where the move may be flown. Raises FlightRefused, PortError."""
-        if self._trouble is not None:
-            raise self._trouble
         self._check_vehicle(move, state)
         if not move.path:
             return
@@ -242,6 +242,8 @@ class GuardedVehicle:
 
     def _check_vehicle(self, move: Move, state: VehicleState) -> None:
         limits = self.limits
+        if self._trouble is not None:
+            raise FlightRefused(self._trouble.reason, self._trouble.message)
         if state.mode == "manual":
             raise FlightRefused("manual_control", ", ".join(state.health.problems) or "a pilot flies it")
         if not state.health.ok:
@@ -249,7 +251,7 @@ class GuardedVehicle:
         if self._pose is not None and (jump_m := distance_m(self._pose, state.pose)) > limits.max_pose_jump_m:
             raise FlightRefused("pose_jump", f"the drone says that it is {jump_m:.1f} m from where it was left")
         way_m = path_m(state.pose, move.path)
-        needed_s = way_m / self._speed_m_s + self._way_home_s()
+        needed_s = way_m / self._speed_m_s + self._way_home_s(self._pose or state.pose)
         needs = f"a way of {way_m:.0f} m and the way home may take {needed_s:.0f} s"
         if state.flight_s + needed_s > limits.max_flight_s:
             flown_s, allowed_s = state.flight_s, limits.max_flight_s
@@ -265,11 +267,11 @@ class GuardedVehicle:
         self._stands(done.vehicle)
         end = move.path[-1] if move.path else before
         if done.reached and (off_m := distance_m(end, done.pose)) > self.limits.max_pose_jump_m:
-            self._trouble = FlightRefused("pose_jump", f"the drone ended {off_m:.1f} m from where it was sent")
+            self._trouble = Trouble(reason="pose_jump", message=f"the drone ended {off_m:.1f} m from where it was sent")
         fast = self.limits.max_speed_m_s * FAST_SHARE
         if done.flight_s > 0.0 and done.path_m / done.flight_s > fast:
             said = f"flown at {done.path_m / done.flight_s:.1f} m/s; {self.limits.max_speed_m_s:g} m/s are allowed"
-            self._trouble = FlightRefused("speed", said)
+            self._trouble = Trouble(reason="speed", message=said)
 
     def _stands(self, state: VehicleState) -> VehicleState:
         self._pose = state.pose
@@ -280,11 +282,9 @@ class GuardedVehicle:
         """What it flies at on the whole, speeding up and braking, at least."""
         return max(0.5 * min(self._capabilities.max_speed_m_s, self.limits.max_speed_m_s), 0.1)
 
-    def _way_home_s(self) -> float:
+    def _way_home_s(self, pose: Pose) -> float:
         """Back along the way flown, but no longer than twice the straight way: by then it is known that it is free."""
-        if self._pose is None:
-            return 0.0
-        return 2.0 * distance_m(self._home, self._pose) / self._speed_m_s
+        return 2.0 * distance_m(self._home, pose) / self._speed_m_s
 
     def _left_s(self, state: VehicleState) -> float:
         """Seconds of flight until the reserve is touched, by how fast the battery has emptied so far."""

@@ -96,26 +96,35 @@ class Mission:
         except PortError as error:
             before, tried_s = step.settled.outage, time.monotonic() - began
             outage = self._patience.outage(before, error, tried_s)
-            if outage is not None:
-                return self._put_off(step, outage, error)
             end = Ended(outcome=_outcome_of(error), message=told_with_waiting(error, before, tried_s))
+            if outage is not None:
+                try:
+                    return self._put_off(step, outage, error)
+                except Exception as raised:
+                    end = self._broken_off(step, raised)
         except asyncio.CancelledError:
             task = asyncio.current_task()
             if task is not None:
                 task.uncancel()
             end = Ended(outcome="cancelled", message=f"cancelled during {step.state.phase}")
         except Exception as error:
-            log.exception("a mission broke off")
-            self.problem = error
-            end = Ended(outcome="failed", message=f"an unexpected {type(error).__name__} during {step.state.phase}")
+            end = self._broken_off(step, error)
         self._context = step.context
         if step.settled.outage is not None:
             step.unsettle()
         if step.state.flight is not None:
             await _look_where_it_stopped(step)
         step.update(stage=end, flight=None, outage=None)
-        step.settle()
+        try:
+            step.settle()
+        except Exception as error:
+            step.update(stage=self._broken_off(step, error))
         return step.state
+
+    def _broken_off(self, step: Step, error: Exception) -> Ended:
+        log.error("a mission broke off", exc_info=error)
+        self.problem = error
+        return Ended(outcome="failed", message=f"an unexpected {type(error).__name__} during {step.state.phase}")
 
     def _put_off(self, step: Step, outage: Outage, error: PortError) -> MissionState:
         log.warning("%s waits, try %d: %s", step.state.key, outage.tries, outage.why)

@@ -10,6 +10,7 @@ from uuid import uuid4
 from pydantic import JsonValue
 
 from contracts.base import Metres, Name, Radians, Unit, Wire
+from contracts.flight_limits import RefusalReason
 from contracts.geometry import Box, Point3, Pose
 from contracts.llm_parser import Exchange
 from contracts.orchestrator import ModelCalls, Phase, Stop
@@ -61,10 +62,18 @@ class Outage(Wire):
     waited_s: float = 0.0
 
 
+class Trouble(Wire):
+    """Why no flight may follow the last one."""
+
+    reason: RefusalReason
+    message: str
+
+
 class GuardMemory(Wire):
     """What the flight guard knows of a mission's earlier flights: where it started, and with which share of a full
     battery (`charge`), how high reaches what depth has shown beside the drone, how far the depth sensors have shown
-    that they reach, whether anybody was seen to walk or drive by (`passers_by`), and the corners of the way flown."""
+    that they reach, whether anybody was seen to walk or drive by (`passers_by`), the corners of the way flown, where
+    the drone was left (`stands`), and what was amiss with its last flight (`trouble`)."""
 
     home: Pose
     charge: float | None = None
@@ -72,6 +81,8 @@ class GuardMemory(Wire):
     reach_m: Metres = 0.0
     passers_by: bool = False
     flown: tuple[Point3, ...] = ()
+    stands: Pose | None = None
+    trouble: Trouble | None = None
 
 
 class MissionState(Wire):
@@ -138,6 +149,13 @@ class MissionState(Wire):
     events: int = 0
     claimed: Point3 | None = None
     verdict: Verdict | None = None
+
+    @property
+    def guard_memory(self) -> GuardMemory | None:
+        """For a guard that looks the drone up anew: while a flight is under way it may be anywhere on it."""
+        if self.guard is None or (self.flight is None and self.interrupted is None):
+            return self.guard
+        return self.guard.model_copy(update={"stands": None})
 
     @property
     def over(self) -> bool:

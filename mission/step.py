@@ -33,7 +33,7 @@ from mission.wording import with_article
 
 MAX_REFUSALS = 4
 """After so many refusals in a row no plan will do."""
-
+_KEPT = ("calls", "seconds", "guard", "vehicle")  # a vehicle that was placed is to be watched, and given back
 LOOKS_AGAIN = 2
 """A look that can't be trusted is made again so often."""
 _DONE: dict[GuardAction, str] = {
@@ -109,7 +109,7 @@ class MissionContext:
         """The same with the state's vehicle at hand. Raises PortError."""
         if self.drone is not None or state.vehicle is None:
             return self
-        vehicle = await guarded(await self.placement.resume(state.vehicle), self.limits, state.guard)
+        vehicle = await guarded(await self.placement.resume(state.vehicle), self.limits, state.guard_memory)
         return replace(self, drone=Drone(vehicle, await vehicle.connect()))
 
 
@@ -133,9 +133,9 @@ class Step:
         self.settled = self.state
 
     def unsettle(self) -> None:
-        """Back to what stands, but for what calls have cost, and shown the guard."""
+        """Back to what stands, but for what calls have cost and shown the guard, and for the vehicle."""
         self._log.drop()
-        self.state = self.settled.model_copy(update={n: getattr(self.state, n) for n in ("calls", "seconds", "guard")})
+        self.state = self.settled.model_copy(update={name: getattr(self.state, name) for name in _KEPT})
 
     @property
     def drone(self) -> Drone:

@@ -29,7 +29,6 @@ const ENDS = {
   cancelled: "The delivery was cancelled.",
 };
 
-const HOLDS = "Something that the drone needs does not answer just now: it holds where it is until it does.";
 const HELD_UP = "Something that is needed does not answer just now; it is tried again and again.";
 const OTHER_END = "The drone could not reach your window; whoever sent you this link knows more.";
 
@@ -78,7 +77,7 @@ function stageOf({ status, phase, outcome, started }) {
 function nowOf({ status, phase, outcome, ended, held_up }) {
   if (outcome) return `${ENDS[outcome] ?? OTHER_END}${ended ? ` The delivery ended at ${clockTime(ended)}.` : ""}`;
   if (status === "needs_answer") return "Something is not clear yet: please answer the question.";
-  if (held_up) return status === "flying" ? HOLDS : HELD_UP;
+  if (held_up) return HELD_UP;
   if (status === "flying") return PHASES[phase] ?? "The drone is on its way.";
   return phase === "parse" ? "Your words are being read." : "A drone will be free soon.";
 }

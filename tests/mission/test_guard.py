@@ -173,9 +173,13 @@ async def test_a_pilot_who_takes_over_between_two_looks_ends_all_flying_and_is_n
 
 
 async def test_flying_faster_than_allowed_is_the_last_flight() -> None:
-    _, guard = await faulty(FlightLimits(max_speed_m_s=1.0))
+    fault, guard = await faulty(FlightLimits(max_speed_m_s=1.0))
     await guard.fly(1, AHEAD)
     assert (await refusal(guard, AHEAD, 2)).reason == "speed"
+    carried_on = await guarded(fault, FlightLimits(max_speed_m_s=1.0), guard.memory)
+    assert (await refusal(carried_on, AHEAD, 2)).reason == "speed"
+    with pytest.raises(FlightRefused, match="flown at"):
+        await carried_on.watch()
 
 
 async def test_pictures_that_are_not_of_here_are_stale() -> None:

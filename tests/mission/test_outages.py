@@ -214,3 +214,65 @@ async def test_a_policy_that_is_asked_again_plans_from_where_it_stood() -> None:
         ports = block_ports(world, seeing(world))
         results.append(await Mission(ports, block_placement(world), settings, Events(), patience=LONG).fly(REQUEST))
     assert as_if_undisturbed(results[0]) == as_if_undisturbed(results[1])
+
+
+class AwayOncePlaced(BlockWorld):
+    """Nobody answers any more as soon as a drone is begun."""
+
+    async def begin(self, question):
+        drone = await super().begin(question)
+        self.away = True
+        return drone
+
+
+@pytest.mark.parametrize("cancelled", [True, False])
+async def test_a_drone_that_was_begun_is_given_back_where_its_placing_was_put_off(cancelled: bool) -> None:
+    world, flights = AwayOncePlaced(BEHIND), list[asyncio.Task[DeliveryResult]]()
+
+    def wait_no_more() -> None:
+        world.away = False
+        flights[0].cancel()
+
+    log = Heard("outage", lambda: asyncio.get_running_loop().call_soon(wait_no_more) if cancelled else None)
+    mission = mission_in(world, {}, log, LONG if cancelled else Patience(0.8))
+    state = begin(REQUEST)
+
+    async def flown() -> DeliveryResult:
+        nonlocal state
+        while not state.over:
+            state = await mission.advanced(state)
+        world.away = False
+        await mission.release(state)
+        return mission.result(state)
+
+    flights.append(asyncio.create_task(flown()))
+    result = await flights[0]
+    assert result.outcome == ("cancelled" if cancelled else "service_unreachable")
+    assert list(world.vehicles) == world.ended == ["e1"]
+
+
+@pytest.mark.parametrize("away", [AWAY, ServiceUnreachable("vlm_gateway: nobody answers")], ids=["model", "service"])
+async def test_a_drone_that_is_moved_while_it_waits_is_stopped(away: PortError) -> None:
+    world = BlockWorld(BEHIND)
+
+    def drift() -> None:
+        drone = next(iter(world.vehicles.values()))
+        pose = drone._state.pose
+        drone._state = drone._state.model_copy(update={"pose": pose.model_copy(update={"x": pose.x - 20.0})})
+
+    result = await mission_in(world, {"find_object": [away]}, Heard("outage", drift)).fly(REQUEST)
+    assert result.outcome == "stopped_by_guard"
+    assert "20.0 m from where it was left" in result.message
+
+
+@pytest.mark.parametrize("kind", ["outage", "floor_count"])
+async def test_a_log_that_raises_ends_the_mission_and_the_drone_is_given_back(kind: str) -> None:
+    def full() -> None:
+        raise OSError("no space left on device")
+
+    world = BlockWorld(BEHIND)
+    mission = mission_in(world, {"find_object": [AWAY]}, Heard(kind, full))
+    result = await mission.fly(REQUEST)
+    assert result.outcome == "failed"
+    assert isinstance(mission.problem, OSError)
+    assert world.ended == ["e1"]

@@ -231,7 +231,7 @@ def sheet(rgb: Picture, side_px: int) -> Sheet:
 
 
 def brightened(rgb: Picture) -> Picture:
-    """A dark picture by the power of its grey values that makes the mean one DARK; others, and black ones, as they
+    """A dark picture by the power of its grey values that takes their mean to DARK; others, and black ones, as they
     are."""
     mean = float(rgb.mean())
     if not 1.0 <= mean < DARK:
