@@ -21,7 +21,6 @@ LEAST_FLOOR_M = 2.2
 """No floor that people live on is lower."""
 TALLEST_FLOOR_M = 6.0
 """No building's floors are taller on average."""
-
 _LEAST_ROWS_M = 1.8
 """Rows nearer to each other than this are not one wall's, even where it leans or steps back."""
 
