@@ -2,6 +2,7 @@
 
 import asyncio
 import socket
+import time
 from pathlib import Path
 
 import pytest
@@ -68,7 +69,10 @@ def test_the_orchestrator_keeps_no_freed_memory_by_thread_unless_the_environment
     group.start()
     try:
         [child] = group.children
-        started_with = Path(f"/proc/{child.process.pid}/environ").read_text()
+        environ = Path(f"/proc/{child.process.pid}/environ")
+        while not (started_with := environ.read_text()):  # a child that has not begun its program has none yet
+            assert child.process.poll() is None
+            time.sleep(0.01)
     finally:
         group.kill()
         group.stop()

@@ -195,7 +195,8 @@ def test_a_caller_who_leaves_ends_the_call(caller_of: Calling, serve: Serve, moc
     url = serve(build({"m": backend}).app)
     caller = caller_of(url)
     caller.send(post(chat()), post(chat()) if ahead else b"")
-    wait_until(lambda: backend.upstream.admission.running == 1)
+    wait_until(lambda: len(mock.asked) == 1)
+    assert backend.upstream.admission.running == 1
     caller.socket.close()
     wait_until(lambda: backend.upstream.admission.running == 0)
     wait_until(lambda: metric(url, "http_requests_total", route=PATH, status="499") == 1)
